@@ -1,0 +1,89 @@
+//! Which faces and which neighbors each vertex has, in flat rows.
+
+use crate::TriangleMesh;
+
+/// Rows of unequal length in one allocation (compressed sparse rows).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rows<T = u32> {
+    starts: Vec<u32>,
+    items: Vec<T>,
+}
+
+impl<T: Copy + Default> Rows<T> {
+    /// Sorts `(row, item)` pairs into `row_count` rows, each in the order of the pairs.
+    ///
+    /// # Panics
+    ///
+    /// If a row is not below `row_count`.
+    #[must_use]
+    pub fn from_pairs(row_count: usize, pairs: &[(u32, T)]) -> Self {
+        let mut starts = vec![0u32; row_count + 1];
+        for &(row, _) in pairs {
+            starts[row as usize + 1] += 1;
+        }
+        for row in 0..row_count {
+            starts[row + 1] += starts[row];
+        }
+        let mut next = starts.clone();
+        let mut items = vec![T::default(); pairs.len()];
+        for &(row, item) in pairs {
+            items[next[row as usize] as usize] = item;
+            next[row as usize] += 1;
+        }
+        Self { starts, items }
+    }
+
+    /// The items of `row`.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such row.
+    #[must_use]
+    pub fn row(&self, row: usize) -> &[T] {
+        &self.items[self.starts[row] as usize..self.starts[row + 1] as usize]
+    }
+
+    /// The number of rows.
+    #[must_use]
+    pub fn row_count(&self) -> usize {
+        self.starts.len() - 1
+    }
+}
+
+/// The faces around each vertex, in ascending order.
+#[must_use]
+pub fn vertex_faces(mesh: &TriangleMesh) -> Rows {
+    let mut pairs = Vec::with_capacity(3 * mesh.face_count());
+    for (index, face) in mesh.faces().iter().enumerate() {
+        pairs.extend(face.iter().map(|&corner| (corner, index as u32)));
+    }
+    Rows::from_pairs(mesh.vertex_count(), &pairs)
+}
+
+/// The vertices that share an edge with each vertex (its one-ring), in ascending order.
+#[must_use]
+pub fn vertex_neighbors(mesh: &TriangleMesh) -> Rows {
+    let mut pairs = Vec::with_capacity(6 * mesh.face_count());
+    for &[a, b, c] in mesh.faces() {
+        pairs.extend([(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]);
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs.retain(|(from, to)| from != to);
+    Rows::from_pairs(mesh.vertex_count(), &pairs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Point;
+
+    #[test]
+    fn a_shared_edge_makes_neighbors_once() {
+        let mesh = TriangleMesh::new(vec![Point::origin(); 4], vec![[0, 1, 2], [2, 1, 3]]).unwrap();
+        let neighbors = vertex_neighbors(&mesh);
+        assert_eq!(neighbors.row(0), [1, 2]);
+        assert_eq!(neighbors.row(1), [0, 2, 3]);
+        assert_eq!(vertex_faces(&mesh).row(2), [0, 1]);
+    }
+}

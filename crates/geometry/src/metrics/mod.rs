@@ -1,0 +1,7 @@
+//! Distances between meshes, summed up as in section 4.1 of the Tracked QEM paper.
+
+mod distances;
+mod statistics;
+
+pub use distances::{surface_distances, vertex_distances};
+pub use statistics::DistanceStatistics;

@@ -1,0 +1,9 @@
+//! Nearest things in space: a k-d tree over points and a tree of boxes over triangles.
+
+mod closest_point;
+mod triangle_tree;
+mod vertex_tree;
+
+pub use closest_point::closest_point_on_triangle;
+pub use triangle_tree::{SurfacePoint, TriangleTree};
+pub use vertex_tree::VertexTree;
