@@ -1,0 +1,46 @@
+//! Why a registration could not be computed.
+
+use super::rigid::MIN_CORRESPONDENCES;
+
+/// Why a registration could not be computed.
+///
+/// Running out of iterations is not an error, and neither is a bad fit: see the result's
+/// residual.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RegistrationError {
+    /// `source[i]` must pair with `target[i]`, so the lengths must agree.
+    #[error("{source_count} source points but {target_count} target points")]
+    CountMismatch {
+        /// Points on the source side.
+        source_count: usize,
+        /// Points on the target side.
+        target_count: usize,
+    },
+    /// Too few pairs to determine six degrees of freedom.
+    #[error("{found} correspondences, need at least {MIN_CORRESPONDENCES}")]
+    TooFewCorrespondences {
+        /// Pairs that were left after rejection.
+        found: usize,
+    },
+    /// A mesh without faces has no surface to be registered.
+    #[error("the {which} mesh has no faces")]
+    Empty {
+        /// `source` or `target`.
+        which: &'static str,
+    },
+    /// The sparse system could not be factorised.
+    #[error("the system of {unknowns} unknowns could not be factorised: {reason}")]
+    Factorisation {
+        /// Rows of the matrix.
+        unknowns: usize,
+        /// What the factorisation said.
+        reason: String,
+    },
+    /// A number that is not finite came out of a solve.
+    #[error("the {step} step gave a position that is not finite")]
+    NotFinite {
+        /// `rigid` or `non-rigid`.
+        step: &'static str,
+    },
+}

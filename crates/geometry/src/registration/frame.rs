@@ -1,0 +1,81 @@
+//! Registers a whole frame: rigid, then non-rigid (Eq. 9 of the Tracked QEM paper).
+
+use nalgebra::Isometry3;
+
+use crate::metrics::surface_distances;
+use crate::{Point, TriangleMesh};
+
+use super::{RegistrationError, Target, nonrigid, rigid};
+
+/// How a frame is registered.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Options {
+    /// The rigid step.
+    pub rigid: rigid::icp::Options,
+    /// The non-rigid step.
+    pub nonrigid: nonrigid::Options,
+}
+
+/// The previous frame, carried onto the current one: mesh^γ(k-1).
+#[derive(Debug, Clone)]
+pub struct Registration {
+    /// The registered position of every vertex of the source.
+    pub positions: Vec<Point>,
+    /// The rigid step's motion, T^γ(k-1).
+    pub rigid_motion: Isometry3<f64>,
+    /// The rigid step's root mean square distance of source vertices to the target's surface.
+    pub rigid_rmse: f64,
+    /// Iterations of the rigid step.
+    pub rigid_iterations: usize,
+    /// Nodes of the deformation graph.
+    pub node_count: usize,
+    /// Rounds of the non-rigid step.
+    pub rounds: usize,
+    /// The share of the samples that had a correspondence at the end, 0 to 1.
+    pub matched_share: f64,
+    /// Whether the deformation was thrown away because the rigid motion alone fits better.
+    pub rigid_only: bool,
+    /// The distance of every registered vertex to the target's surface.
+    pub residuals: Vec<f64>,
+}
+
+/// Carries `source` (frame k-1) onto `target` (frame k).
+///
+/// The result never fits worse, by the mean distance of its vertices to the target's surface,
+/// than the rigid motion alone.
+///
+/// # Errors
+///
+/// [`RegistrationError`] if a step fails; the caller then goes on without a reference.
+pub fn register(
+    source: &TriangleMesh,
+    target: &Target,
+    options: &Options,
+) -> Result<Registration, RegistrationError> {
+    let rigid = rigid::icp::register(source, target, &options.rigid)?;
+    let moved: Vec<Point> =
+        source.positions().iter().map(|p| rigid.target_from_source * p).collect();
+    let moved = source
+        .with_positions(moved)
+        .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
+    let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
+    let mut residuals = surface_distances(&deformed.positions, target.surface());
+    let mut positions = deformed.positions;
+    let rigid_residuals = surface_distances(moved.positions(), target.surface());
+    let rigid_only = rigid_residuals.iter().sum::<f64>() < residuals.iter().sum::<f64>();
+    if rigid_only {
+        positions = moved.positions().to_vec();
+        residuals = rigid_residuals;
+    }
+    Ok(Registration {
+        positions,
+        rigid_motion: rigid.target_from_source,
+        rigid_rmse: rigid.rmse,
+        rigid_iterations: rigid.iterations,
+        node_count: deformed.node_count,
+        rounds: deformed.rounds,
+        matched_share: deformed.matched_share,
+        rigid_only,
+        residuals,
+    })
+}
