@@ -1,1 +1,23 @@
-//! simplification
+//! Simplification by edge collapse under quadric error metrics: the original QEM, and Tracked
+//! QEM, which takes the registered previous frame into account.
+//!
+//! - [`Quadric`]: the sum of squared distances to planes (Eq. 4 to 6).
+//! - `tracked`: the reference's quadrics around an edge (Eq. 10 to 14, 16).
+//! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
+//! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
+//! - [`simplify`]: collapses the cheapest edge until the target is reached.
+//!
+//! Both modes run in one engine: without a reference it is the original QEM.
+
+mod connectivity;
+mod edge_collapse;
+mod normalization;
+mod placement;
+mod quadric;
+mod tracked;
+
+pub use edge_collapse::{Options, Simplified, simplify};
+pub use quadric::Quadric;
+
+#[cfg(test)]
+mod tests;
