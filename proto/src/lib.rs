@@ -1,1 +1,22 @@
-//! Placeholder
+//! The wire contract: what a capture rig sends and what a player receives.
+//!
+//! - [`NativeFrame`]: one frame on its way in, as raw arrays.
+//! - [`DeliveredFrame`]: one simplified frame on its way out, Draco bytes with its metrics.
+//! - [`metrics`]: the figures that come with every frame.
+//!
+//! `README.md` of this crate is the normative byte layout, for rigs and players in other
+//! languages; `vectors/` holds messages that every implementation is tested against.
+//! Everything here is pure: bytes to values and back.
+
+mod delivered_frame;
+pub mod metrics;
+mod native_frame;
+
+pub use delivered_frame::{DeliveredFrame, InvalidDeliveredFrame};
+pub use metrics::FrameMetrics;
+pub use native_frame::{InvalidNativeFrame, NativeFrame};
+
+/// The WebSocket subprotocol of `subscribe`.
+pub const SUBPROTOCOL: &str = "steadymesh.v1";
+/// The content type of a [`NativeFrame`].
+pub const NATIVE_CONTENT_TYPE: &str = "application/vnd.steadymesh.frame";

@@ -16,12 +16,21 @@ impl BoundingBox {
     #[must_use]
     pub fn of(points: &[Point]) -> Self {
         let Some(&first) = points.first() else {
-            return Self { min: Point::origin(), max: Point::origin() };
+            return Self {
+                min: Point::origin(),
+                max: Point::origin(),
+            };
         };
-        points.iter().fold(Self { min: first, max: first }, |bounds, p| Self {
-            min: bounds.min.inf(p),
-            max: bounds.max.sup(p),
-        })
+        points.iter().fold(
+            Self {
+                min: first,
+                max: first,
+            },
+            |bounds, p| Self {
+                min: bounds.min.inf(p),
+                max: bounds.max.sup(p),
+            },
+        )
     }
 
     /// The length of the diagonal: the length that relative figures refer to.

@@ -40,7 +40,9 @@ impl EdgeTable {
 
     /// The edges, each with the faces on it.
     pub fn iter(&self) -> impl Iterator<Item = (Edge, &[(Edge, u32)])> {
-        self.incidences.chunk_by(|a, b| a.0 == b.0).map(|chunk| (chunk[0].0, chunk))
+        self.incidences
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|chunk| (chunk[0].0, chunk))
     }
 
     /// The number of edges with just one face.
@@ -60,7 +62,10 @@ impl EdgeTable {
     pub fn mean_length(&self, mesh: &TriangleMesh) -> f64 {
         let p = mesh.positions();
         let (sum, count) = self.iter().fold((0.0, 0usize), |(sum, count), (edge, _)| {
-            (sum + (p[edge.0 as usize] - p[edge.1 as usize]).norm(), count + 1)
+            (
+                sum + (p[edge.0 as usize] - p[edge.1 as usize]).norm(),
+                count + 1,
+            )
         });
         if count == 0 { 0.0 } else { sum / count as f64 }
     }

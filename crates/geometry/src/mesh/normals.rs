@@ -9,7 +9,10 @@ use crate::{Point, TriangleMesh, Vector};
 #[must_use]
 pub fn face_normal([a, b, c]: [Point; 3]) -> Option<Vector> {
     let (ab, ac, bc) = (b - a, c - a, c - b);
-    let longest = ab.norm_squared().max(ac.norm_squared()).max(bc.norm_squared());
+    let longest = ab
+        .norm_squared()
+        .max(ac.norm_squared())
+        .max(bc.norm_squared());
     let cross = ab.cross(&ac);
     let doubled_area = cross.norm();
     (1e-12 * longest < doubled_area).then(|| cross / doubled_area)
@@ -34,7 +37,9 @@ pub fn vertex_normals(mesh: &TriangleMesh) -> Vec<Vector> {
             sums[corner as usize] += weighted;
         }
     }
-    sums.iter().map(|sum| sum.try_normalize(0.0).unwrap_or_else(Vector::zeros)).collect()
+    sums.iter()
+        .map(|sum| sum.try_normalize(0.0).unwrap_or_else(Vector::zeros))
+        .collect()
 }
 
 #[cfg(test)]
@@ -43,7 +48,11 @@ mod tests {
 
     #[test]
     fn a_counterclockwise_triangle_faces_the_viewer() {
-        let triangle = [Point::new(0., 0., 0.), Point::new(1., 0., 0.), Point::new(0., 1., 0.)];
+        let triangle = [
+            Point::new(0., 0., 0.),
+            Point::new(1., 0., 0.),
+            Point::new(0., 1., 0.),
+        ];
         assert_eq!(face_normal(triangle), Some(Vector::z()));
     }
 

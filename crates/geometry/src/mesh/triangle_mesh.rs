@@ -72,11 +72,20 @@ impl TriangleMesh {
         let usable = |p: &Point| p.iter().all(|c| c.abs() <= MAX_COORDINATE);
         if let Some(vertex) = positions.iter().position(|p| !usable(p)) {
             let p = positions[vertex];
-            return Err(InvalidMesh::Position { vertex, x: p.x, y: p.y, z: p.z });
+            return Err(InvalidMesh::Position {
+                vertex,
+                x: p.x,
+                y: p.y,
+                z: p.z,
+            });
         }
         for (face, corners) in faces.iter().enumerate() {
             if let Some(&index) = corners.iter().find(|&&i| vertex_count <= i as usize) {
-                return Err(InvalidMesh::Index { face, index, vertex_count });
+                return Err(InvalidMesh::Index {
+                    face,
+                    index,
+                    vertex_count,
+                });
             }
         }
         Ok(Self { positions, faces })
@@ -84,7 +93,12 @@ impl TriangleMesh {
 
     /// A mesh of parts that are known to be valid, as they come out of another mesh.
     pub(crate) fn from_valid(positions: Vec<Point>, faces: Vec<Face>) -> Self {
-        debug_assert!(faces.iter().flatten().all(|&i| (i as usize) < positions.len()));
+        debug_assert!(
+            faces
+                .iter()
+                .flatten()
+                .all(|&i| (i as usize) < positions.len())
+        );
         Self { positions, faces }
     }
 
@@ -142,7 +156,10 @@ impl TriangleMesh {
     pub fn rounded_to_f32(&self) -> Self {
         let round = |c: f64| f64::from(c as f32);
         let positions = self.positions.iter().map(|p| p.map(round)).collect();
-        Self { positions, faces: self.faces.clone() }
+        Self {
+            positions,
+            faces: self.faces.clone(),
+        }
     }
 }
 
@@ -161,6 +178,13 @@ mod tests {
     fn a_mesh_names_the_face_whose_index_is_out_of_range() {
         let positions = vec![Point::origin(); 3];
         let error = TriangleMesh::new(positions, vec![[0, 1, 2], [0, 1, 3]]).unwrap_err();
-        assert_eq!(error, InvalidMesh::Index { face: 1, index: 3, vertex_count: 3 });
+        assert_eq!(
+            error,
+            InvalidMesh::Index {
+                face: 1,
+                index: 3,
+                vertex_count: 3
+            }
+        );
     }
 }

@@ -9,7 +9,10 @@ use crate::spatial::{TriangleTree, VertexTree};
 /// and the surface of frame k or of the registered frame k-1.
 #[must_use]
 pub fn surface_distances(points: &[Point], surface: &TriangleTree) -> Vec<f64> {
-    points.iter().map(|point| surface.closest(point).distance).collect()
+    points
+        .iter()
+        .map(|point| surface.closest(point).distance)
+        .collect()
 }
 
 /// Nearest-vertex distance: from each of `points` to the closest vertex of a mesh.
@@ -17,5 +20,8 @@ pub fn surface_distances(points: &[Point], surface: &TriangleTree) -> Vec<f64> {
 /// Section 4.1, item 2 ("cloud-cloud").
 #[must_use]
 pub fn vertex_distances(points: &[Point], vertices: &VertexTree) -> Vec<f64> {
-    points.iter().map(|point| vertices.nearest(point).1).collect()
+    points
+        .iter()
+        .map(|point| vertices.nearest(point).1)
+        .collect()
 }

@@ -50,7 +50,15 @@ impl DistanceStatistics {
         let square = |d: f64, about: f64| (d - about) * (d - about);
         let (variance, mse) = (mean_of(square, mean), mean_of(square, 0.0));
         let max = distances.iter().copied().fold(0.0, f64::max);
-        Self { count, mean, variance, std: variance.sqrt(), mse, rmse: mse.sqrt(), max }
+        Self {
+            count,
+            mean,
+            variance,
+            std: variance.sqrt(),
+            mse,
+            rmse: mse.sqrt(),
+            max,
+        }
     }
 
     /// The distance below which a share `quantile` (0 to 1) of `distances` lies; 0 if there are
@@ -71,7 +79,10 @@ mod tests {
     #[test]
     fn three_four_and_five_have_the_statistics_that_one_works_out_by_hand() {
         let statistics = DistanceStatistics::of(&[3.0, 4.0, 5.0]);
-        assert_eq!((statistics.count, statistics.mean, statistics.max), (3, 4.0, 5.0));
+        assert_eq!(
+            (statistics.count, statistics.mean, statistics.max),
+            (3, 4.0, 5.0)
+        );
         assert!((statistics.variance - 2.0 / 3.0).abs() < 1e-15);
         assert!((statistics.mse - 50.0 / 3.0).abs() < 1e-14);
         assert!((statistics.rmse * statistics.rmse - statistics.mse).abs() < 1e-14);

@@ -53,8 +53,11 @@ pub fn register(
     options: &Options,
 ) -> Result<Registration, RegistrationError> {
     let rigid = rigid::icp::register(source, target, &options.rigid)?;
-    let moved: Vec<Point> =
-        source.positions().iter().map(|p| rigid.target_from_source * p).collect();
+    let moved: Vec<Point> = source
+        .positions()
+        .iter()
+        .map(|p| rigid.target_from_source * p)
+        .collect();
     let moved = source
         .with_positions(moved)
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;

@@ -28,7 +28,13 @@ impl Target {
         let diagonal = mesh.bounding_box().diagonal();
         let sum: Vector = mesh.positions().iter().map(|p| p.coords).sum();
         let centroid = Point::from(sum / mesh.vertex_count() as f64);
-        Ok(Self { tree, normals: face_normals(mesh), mean_edge, diagonal, centroid })
+        Ok(Self {
+            tree,
+            normals: face_normals(mesh),
+            mean_edge,
+            diagonal,
+            centroid,
+        })
     }
 
     /// The closest point of the surface, and the unit normal of the face it is on.

@@ -24,7 +24,12 @@ impl Connectivity {
             }
         }
         let face_count = faces.len();
-        Self { faces: faces.to_vec(), alive: vec![true; face_count], around, face_count }
+        Self {
+            faces: faces.to_vec(),
+            alive: vec![true; face_count],
+            around,
+            face_count,
+        }
     }
 
     pub fn face_count(&self) -> usize {
@@ -33,12 +38,18 @@ impl Connectivity {
 
     /// The faces that are left.
     pub fn faces(&self) -> impl Iterator<Item = Face> {
-        self.faces.iter().zip(&self.alive).filter(|(_, alive)| **alive).map(|(face, _)| *face)
+        self.faces
+            .iter()
+            .zip(&self.alive)
+            .filter(|(_, alive)| **alive)
+            .map(|(face, _)| *face)
     }
 
     /// The vertices that share an edge with `vertex`, ascending.
     pub fn neighbors(&self, vertex: u32) -> Vec<u32> {
-        let corners = self.around[vertex as usize].iter().flat_map(|&f| self.faces[f as usize]);
+        let corners = self.around[vertex as usize]
+            .iter()
+            .flat_map(|&f| self.faces[f as usize]);
         let mut neighbors: Vec<u32> = corners.filter(|&corner| corner != vertex).collect();
         neighbors.sort_unstable();
         neighbors.dedup();
@@ -48,12 +59,18 @@ impl Connectivity {
     /// The faces on the edge between `a` and `b`.
     pub fn faces_on(&self, a: u32, b: u32) -> Vec<u32> {
         let has_b = |face: &&u32| self.faces[**face as usize].contains(&b);
-        self.around[a as usize].iter().filter(has_b).copied().collect()
+        self.around[a as usize]
+            .iter()
+            .filter(has_b)
+            .copied()
+            .collect()
     }
 
     /// Whether an edge at `vertex` has just one face.
     fn is_on_boundary(&self, vertex: u32) -> bool {
-        self.neighbors(vertex).iter().any(|&other| self.faces_on(vertex, other).len() == 1)
+        self.neighbors(vertex)
+            .iter()
+            .any(|&other| self.faces_on(vertex, other).len() == 1)
     }
 
     /// Whether collapsing the edge between `a` and `b` leaves a surface of the same kind.
@@ -76,7 +93,10 @@ impl Connectivity {
             return false;
         }
         // An apex that only this face holds would be lost, and with it the surface's outline.
-        if apexes.iter().any(|&apex| self.around[apex as usize].len() == 1) {
+        if apexes
+            .iter()
+            .any(|&apex| self.around[apex as usize].len() == 1)
+        {
             return false;
         }
         let joins_boundaries =
@@ -86,7 +106,10 @@ impl Connectivity {
 
     fn apex(&self, face: u32, a: u32, b: u32) -> u32 {
         let corners = self.faces[face as usize];
-        corners.into_iter().find(|&corner| corner != a && corner != b).unwrap_or(a)
+        corners
+            .into_iter()
+            .find(|&corner| corner != a && corner != b)
+            .unwrap_or(a)
     }
 
     /// Whether a face at `a` and one at `b` have the same opposite edge: they would fall onto
@@ -101,9 +124,14 @@ impl Connectivity {
             rest.sort_unstable();
             Some(rest)
         };
-        let of_a: Vec<Vec<u32>> =
-            self.around[a as usize].iter().filter_map(|&f| opposite(f, a, b)).collect();
-        self.around[b as usize].iter().filter_map(|&f| opposite(f, b, a)).any(|e| of_a.contains(&e))
+        let of_a: Vec<Vec<u32>> = self.around[a as usize]
+            .iter()
+            .filter_map(|&f| opposite(f, a, b))
+            .collect();
+        self.around[b as usize]
+            .iter()
+            .filter_map(|&f| opposite(f, b, a))
+            .any(|e| of_a.contains(&e))
     }
 
     /// Whether moving `a` and `b` to `to` keeps every face around them, but those on their edge,
@@ -116,7 +144,13 @@ impl Connectivity {
                     return true;
                 }
                 let before = face_normal(corners.map(|c| positions[c as usize]));
-                let moved = corners.map(|c| if c == vertex { *to } else { positions[c as usize] });
+                let moved = corners.map(|c| {
+                    if c == vertex {
+                        *to
+                    } else {
+                        positions[c as usize]
+                    }
+                });
                 match (before, face_normal(moved)) {
                     (_, None) => false,
                     (None, Some(_)) => true,
@@ -138,7 +172,10 @@ impl Connectivity {
         let moved = std::mem::take(&mut self.around[b as usize]);
         for &face in &moved {
             let corners = &mut self.faces[face as usize];
-            corners.iter_mut().filter(|corner| **corner == b).for_each(|corner| *corner = a);
+            corners
+                .iter_mut()
+                .filter(|corner| **corner == b)
+                .for_each(|corner| *corner = a);
         }
         self.around[a as usize].extend(moved);
     }

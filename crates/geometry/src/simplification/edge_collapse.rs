@@ -28,7 +28,10 @@ impl Options {
     /// The usual options for a target.
     #[must_use]
     pub fn to_faces(target_faces: usize) -> Self {
-        Self { target_faces, boundary_weight: 10.0 }
+        Self {
+            target_faces,
+            boundary_weight: 10.0,
+        }
     }
 }
 
@@ -56,12 +59,15 @@ pub fn simplify(
     options: &Options,
 ) -> Simplified {
     if mesh.face_count() <= options.target_faces {
-        return Simplified { mesh: mesh.clone(), target_reached: true, collapses: 0 };
+        return Simplified {
+            mesh: mesh.clone(),
+            target_reached: true,
+            collapses: 0,
+        };
     }
     let normalization = Normalization::of(mesh);
     let positions = normalization.apply(mesh.positions());
-    let reference =
-        reference.and_then(|r| Reference::new(r, normalization.apply(r.positions())));
+    let reference = reference.and_then(|r| Reference::new(r, normalization.apply(r.positions())));
     let mut run = Run {
         quadrics: initial_quadrics(mesh, &positions, options.boundary_weight),
         connectivity: Connectivity::new(mesh.vertex_count(), mesh.faces()),
@@ -78,14 +84,22 @@ pub fn simplify(
 
 /// The planes of the faces around each vertex, and at boundary edges a plane through the edge
 /// at right angles to its face.
-fn initial_quadrics(mesh: &TriangleMesh, positions: &[Point], boundary_weight: f64) -> Vec<Quadric> {
+fn initial_quadrics(
+    mesh: &TriangleMesh,
+    positions: &[Point],
+    boundary_weight: f64,
+) -> Vec<Quadric> {
     let mut quadrics = vertex_quadrics(mesh, positions);
     for (edge, on_edge) in EdgeTable::of(mesh.faces()).iter() {
         let [(_, face)] = on_edge else { continue };
         let corners = mesh.faces()[*face as usize].map(|corner| positions[corner as usize]);
         let (a, b) = (positions[edge.0 as usize], positions[edge.1 as usize]);
-        let Some(normal) = face_normal(corners) else { continue };
-        let Some(outward) = (b - a).cross(&normal).try_normalize(0.0) else { continue };
+        let Some(normal) = face_normal(corners) else {
+            continue;
+        };
+        let Some(outward) = (b - a).cross(&normal).try_normalize(0.0) else {
+            continue;
+        };
         let plane = Quadric::of_plane(&a, &outward, boundary_weight);
         quadrics[edge.0 as usize] += plane;
         quadrics[edge.1 as usize] += plane;
@@ -182,7 +196,9 @@ impl Run {
 
     fn drain_queue(&mut self, target: usize, pass: Pass) {
         while target < self.connectivity.face_count() {
-            let Some(Reverse(candidate)) = self.queue.pop() else { return };
+            let Some(Reverse(candidate)) = self.queue.pop() else {
+                return;
+            };
             let (_, _, Edge(a, b)) = candidate.key;
             if candidate.versions != (self.versions[a as usize], self.versions[b as usize])
                 || !self.is_possible(&candidate, target, pass)
@@ -228,8 +244,10 @@ impl Run {
         let mut quadric = self.quadrics[a] + self.quadrics[b];
         let mut barycenter = None;
         if let Some(reference) = &self.reference {
-            let tracked::Tracked { quadric: added, barycenter: center } =
-                reference.around_edge(v1, v2);
+            let tracked::Tracked {
+                quadric: added,
+                barycenter: center,
+            } = reference.around_edge(v1, v2);
             quadric += added;
             barycenter = center;
         }
@@ -239,13 +257,25 @@ impl Run {
         // Neither is negative, so that their bits are in their order.
         let key = (cost.to_bits(), (v2 - v1).norm_squared().to_bits(), edge);
         let versions = (self.versions[a], self.versions[b]);
-        self.queue.push(Reverse(Candidate { key, versions, position }));
+        self.queue.push(Reverse(Candidate {
+            key,
+            versions,
+            position,
+        }));
     }
 
-    fn finish(&self, mesh: &TriangleMesh, normalization: &Normalization, target: usize) -> Simplified {
+    fn finish(
+        &self,
+        mesh: &TriangleMesh,
+        normalization: &Normalization,
+        target: usize,
+    ) -> Simplified {
         let faces: Vec<Face> = self.connectivity.faces().collect();
         let mut used = vec![false; self.positions.len()];
-        faces.iter().flatten().for_each(|&corner| used[corner as usize] = true);
+        faces
+            .iter()
+            .flatten()
+            .for_each(|&corner| used[corner as usize] = true);
         let mut numbers = vec![0u32; used.len()];
         let mut positions = Vec::new();
         for vertex in (0..used.len()).filter(|&vertex| used[vertex]) {
@@ -256,7 +286,10 @@ impl Run {
                 mesh.positions()[vertex]
             });
         }
-        let faces: Vec<Face> = faces.iter().map(|f| f.map(|c| numbers[c as usize])).collect();
+        let faces: Vec<Face> = faces
+            .iter()
+            .map(|f| f.map(|c| numbers[c as usize]))
+            .collect();
         let target_reached = faces.len() <= target + 1;
         Simplified {
             mesh: TriangleMesh::from_valid(positions, faces),

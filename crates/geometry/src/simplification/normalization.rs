@@ -17,7 +17,10 @@ impl Normalization {
     pub fn of(mesh: &TriangleMesh) -> Self {
         let bounds = mesh.bounding_box();
         let diagonal = bounds.diagonal();
-        Self { origin: bounds.min, diagonal: if diagonal > 0.0 { diagonal } else { 1.0 } }
+        Self {
+            origin: bounds.min,
+            diagonal: if diagonal > 0.0 { diagonal } else { 1.0 },
+        }
     }
 
     pub fn apply(&self, points: &[Point]) -> Vec<Point> {

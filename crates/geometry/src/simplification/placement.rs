@@ -11,12 +11,19 @@ const MAX_SEARCH_STEPS: usize = 4;
 ///
 /// The minimizer of `quadric` where there is one (Eq. 15); else the two-stage search of section
 /// 3.3: along the edge, then from there towards the reference's `barycenter`, if there is one.
-pub(super) fn place(quadric: &Quadric, v1: &Point, v2: &Point, barycenter: Option<&Point>) -> Point {
+pub(super) fn place(
+    quadric: &Quadric,
+    v1: &Point,
+    v2: &Point,
+    barycenter: Option<&Point>,
+) -> Point {
     if let Some(position) = quadric.minimizer() {
         return position;
     }
     let on_edge = search_segment(quadric, *v1, *v2);
-    barycenter.map_or(on_edge, |barycenter| search_segment(quadric, on_edge, *barycenter))
+    barycenter.map_or(on_edge, |barycenter| {
+        search_segment(quadric, on_edge, *barycenter)
+    })
 }
 
 /// Algorithm 1: the cheapest of the points that halving the segment visits.
@@ -38,14 +45,21 @@ fn search_segment(quadric: &Quadric, mut v1: Point, mut v2: Point) -> Point {
         if !goes_on {
             break;
         }
-        let (left, right) = (nalgebra::center(&v1, &middle), nalgebra::center(&middle, &v2));
+        let (left, right) = (
+            nalgebra::center(&v1, &middle),
+            nalgebra::center(&middle, &v2),
+        );
         if cost(&left) < cost(&right) {
             (v2, middle) = (middle, left);
         } else {
             (v1, middle) = (middle, right);
         }
     }
-    if cost(&middle) < cost(&best) { middle } else { best }
+    if cost(&middle) < cost(&best) {
+        middle
+    } else {
+        best
+    }
 }
 
 #[cfg(test)]

@@ -23,7 +23,11 @@ pub struct Quadric {
 
 impl Default for Quadric {
     fn default() -> Self {
-        Self { a: [0.0; 6], b: Vector::zeros(), c: 0.0 }
+        Self {
+            a: [0.0; 6],
+            b: Vector::zeros(),
+            c: 0.0,
+        }
     }
 }
 
@@ -41,8 +45,19 @@ impl Quadric {
     pub fn of_plane(point: &Point, normal: &Vector, weight: f64) -> Self {
         let n = normal;
         let d = -n.dot(&point.coords);
-        let a = [n.x * n.x, n.x * n.y, n.x * n.z, n.y * n.y, n.y * n.z, n.z * n.z];
-        Self { a: a.map(|entry| entry * weight), b: n * (d * weight), c: d * d * weight }
+        let a = [
+            n.x * n.x,
+            n.x * n.y,
+            n.x * n.z,
+            n.y * n.y,
+            n.y * n.z,
+            n.z * n.z,
+        ];
+        Self {
+            a: a.map(|entry| entry * weight),
+            b: n * (d * weight),
+            c: d * d * weight,
+        }
     }
 
     /// Δ(v), not below zero.
@@ -94,7 +109,10 @@ impl std::ops::Add for Quadric {
 
 impl std::ops::AddAssign for Quadric {
     fn add_assign(&mut self, other: Self) {
-        self.a.iter_mut().zip(other.a).for_each(|(sum, term)| *sum += term);
+        self.a
+            .iter_mut()
+            .zip(other.a)
+            .for_each(|(sum, term)| *sum += term);
         self.b += other.b;
         self.c += other.c;
     }

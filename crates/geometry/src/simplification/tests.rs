@@ -10,7 +10,11 @@ fn ball(rings: u32, segments: u32, unit: f64) -> TriangleMesh {
             let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
             let phi = std::f64::consts::TAU * f64::from(s) / f64::from(segments);
             let r = 1.0 + 0.1 * (5.0 * theta).sin() * (3.0 * phi).cos();
-            let p = [theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin()];
+            let p = [
+                theta.sin() * phi.cos(),
+                theta.cos(),
+                theta.sin() * phi.sin(),
+            ];
             positions.push(Point::from(p.map(|c| c * r * unit)));
         }
     }
@@ -38,7 +42,10 @@ fn sheet(n: u32) -> TriangleMesh {
     let faces = (0..n)
         .flat_map(|i| (0..n).map(move |j| (i, j)))
         .flat_map(|(i, j)| {
-            [[at(i, j), at(i + 1, j), at(i, j + 1)], [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]]
+            [
+                [at(i, j), at(i + 1, j), at(i, j + 1)],
+                [at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)],
+            ]
         })
         .collect();
     TriangleMesh::new(positions, faces).unwrap()

@@ -25,7 +25,11 @@ impl Reference {
     pub fn new(mesh: &TriangleMesh, positions: Vec<Point>) -> Option<Self> {
         let tree = VertexTree::new(&positions)?;
         let quadrics = vertex_quadrics(mesh, &positions);
-        Some(Self { positions, quadrics, tree })
+        Some(Self {
+            positions,
+            quadrics,
+            tree,
+        })
     }
 
     /// Gathers the reference around the edge between `v1` and `v2`.
@@ -50,7 +54,10 @@ impl Reference {
             (Some(first), Some(second)) => Some(nalgebra::center(&first, &second)),
             (one, other) => one.or(other),
         };
-        Tracked { quadric, barycenter }
+        Tracked {
+            quadric,
+            barycenter,
+        }
     }
 }
 
@@ -62,7 +69,8 @@ pub(super) fn vertex_quadrics(mesh: &TriangleMesh, positions: &[Point]) -> Vec<Q
         let corners = face.map(|corner| positions[corner as usize]);
         if let Some(normal) = face_normal(corners) {
             let plane = Quadric::of_plane(&corners[0], &normal, 1.0);
-            face.iter().for_each(|&corner| quadrics[corner as usize] += plane);
+            face.iter()
+                .for_each(|&corner| quadrics[corner as usize] += plane);
         }
     }
     quadrics

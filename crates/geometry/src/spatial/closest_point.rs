@@ -78,7 +78,11 @@ mod tests {
 
     #[test]
     fn a_triangle_without_area_is_a_segment() {
-        let line = [Point::new(0., 0., 0.), Point::new(1., 0., 0.), Point::new(2., 0., 0.)];
+        let line = [
+            Point::new(0., 0., 0.),
+            Point::new(1., 0., 0.),
+            Point::new(2., 0., 0.),
+        ];
         let closest = closest_point_on_triangle(&Point::new(1.5, 1.0, 0.0), line);
         assert!((closest - Point::new(1.5, 0.0, 0.0)).norm() < 1e-12);
     }

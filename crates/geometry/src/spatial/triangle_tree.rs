@@ -34,7 +34,9 @@ pub struct TriangleTree {
 
 impl std::fmt::Debug for TriangleTree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("TriangleTree").field("triangles", &self.triangles.len()).finish()
+        f.debug_struct("TriangleTree")
+            .field("triangles", &self.triangles.len())
+            .finish()
     }
 }
 
@@ -54,24 +56,38 @@ impl TriangleTree {
         }
         let bounds = mesh.bounding_box();
         let diagonal = bounds.diagonal();
-        let (origin, scale) = (bounds.center(), if diagonal > 0.0 { 1.0 / diagonal } else { 1.0 });
-        let triangles: Vec<_> = (0..mesh.face_count()).map(|face| mesh.triangle(face)).collect();
-        let boxes: Vec<Aabb> = triangles.iter().map(|t| grown_box(t, &origin, scale)).collect();
+        let (origin, scale) = (
+            bounds.center(),
+            if diagonal > 0.0 { 1.0 / diagonal } else { 1.0 },
+        );
+        let triangles: Vec<_> = (0..mesh.face_count())
+            .map(|face| mesh.triangle(face))
+            .collect();
+        let boxes: Vec<Aabb> = triangles
+            .iter()
+            .map(|t| grown_box(t, &origin, scale))
+            .collect();
         let mut params = BvhBuildParams::very_fast_build();
         params.pre_split = false;
         // The builder reports its own build time, which nobody here asks for.
         let hierarchy = build_bvh2(&boxes, params, &mut Duration::default());
-        Some(Self { hierarchy, triangles, origin, scale })
+        Some(Self {
+            hierarchy,
+            triangles,
+            origin,
+            scale,
+        })
     }
 
     /// The point of the surface closest to `query`.
     #[must_use]
     pub fn closest(&self, query: &Point) -> SurfacePoint {
-        self.closest_below(query, f64::INFINITY).unwrap_or(SurfacePoint {
-            position: self.triangles[0][0],
-            face: 0,
-            distance: f64::INFINITY,
-        })
+        self.closest_below(query, f64::INFINITY)
+            .unwrap_or(SurfacePoint {
+                position: self.triangles[0][0],
+                face: 0,
+                distance: f64::INFINITY,
+            })
     }
 
     /// The same, told a face that is probably near: the answer of the last search for a query
@@ -85,7 +101,11 @@ impl TriangleTree {
     pub fn closest_from(&self, query: &Point, guess: u32) -> SurfacePoint {
         let position = closest_point_on_triangle(query, self.triangles[guess as usize]);
         let distance = (query - position).norm();
-        let guessed = SurfacePoint { position, face: guess, distance };
+        let guessed = SurfacePoint {
+            position,
+            face: guess,
+            distance,
+        };
         self.closest_below(query, distance).unwrap_or(guessed)
     }
 
@@ -94,8 +114,13 @@ impl TriangleTree {
     /// A tight limit saves most of the search.
     #[must_use]
     pub fn closest_below(&self, query: &Point, limit: f64) -> Option<SurfacePoint> {
-        let relative: [f32; 3] = ((query - self.origin) * self.scale).map(|c| c as f32).into();
-        let mut best = Best { square: limit * limit, found: None };
+        let relative: [f32; 3] = ((query - self.origin) * self.scale)
+            .map(|c| c as f32)
+            .into();
+        let mut best = Best {
+            square: limit * limit,
+            found: None,
+        };
         let mut stack: Vec<(f32, u32)> = Vec::with_capacity(EXPECTED_DEPTH);
         stack.push((0.0, 0));
         while let Some((box_square, node)) = stack.pop() {
@@ -108,10 +133,17 @@ impl TriangleTree {
                 continue;
             }
             let child = |index: u32| {
-                (square_distance(&relative, self.hierarchy.nodes[index as usize].aabb()), index)
+                (
+                    square_distance(&relative, self.hierarchy.nodes[index as usize].aabb()),
+                    index,
+                )
             };
             let (left, right) = (child(node.first_index), child(node.first_index + 1));
-            let (near, far) = if left.0 <= right.0 { (left, right) } else { (right, left) };
+            let (near, far) = if left.0 <= right.0 {
+                (left, right)
+            } else {
+                (right, left)
+            };
             stack.push(far);
             stack.push(near);
         }
@@ -128,7 +160,10 @@ impl TriangleTree {
             let position = closest_point_on_triangle(query, self.triangles[face as usize]);
             let square = (query - position).norm_squared();
             if square < best.square {
-                *best = Best { square, found: Some((position, face)) };
+                *best = Best {
+                    square,
+                    found: Some((position, face)),
+                };
             }
         }
     }
@@ -163,7 +198,9 @@ fn square_distance(point: &[f32; 3], bounds: &Aabb) -> f32 {
     let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
     (0..3)
         .map(|axis| {
-            let outside = (min[axis] - point[axis]).max(point[axis] - max[axis]).max(0.0);
+            let outside = (min[axis] - point[axis])
+                .max(point[axis] - max[axis])
+                .max(0.0);
             outside * outside
         })
         .sum()
@@ -176,7 +213,9 @@ mod tests {
 
     fn cloud_of_triangles(corners: &[[f64; 3]], unit: f64) -> TriangleMesh {
         let positions: Vec<Point> = corners.iter().map(|&c| Point::from(c) * unit).collect();
-        let faces = (0..corners.len() as u32 / 3).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
+        let faces = (0..corners.len() as u32 / 3)
+            .map(|f| [3 * f, 3 * f + 1, 3 * f + 2])
+            .collect();
         TriangleMesh::new(positions, faces).unwrap()
     }
 
@@ -206,6 +245,9 @@ mod tests {
     fn nothing_is_found_below_a_limit_that_is_too_small() {
         let mesh = cloud_of_triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], 1.0);
         let tree = TriangleTree::new(&mesh).unwrap();
-        assert!(tree.closest_below(&Point::new(0.0, 0.0, 1.0), 0.5).is_none());
+        assert!(
+            tree.closest_below(&Point::new(0.0, 0.0, 1.0), 0.5)
+                .is_none()
+        );
     }
 }

@@ -11,7 +11,9 @@ pub struct VertexTree {
 
 impl std::fmt::Debug for VertexTree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("VertexTree").field("points", &self.tree.size()).finish()
+        f.debug_struct("VertexTree")
+            .field("points", &self.tree.size())
+            .finish()
     }
 }
 
@@ -31,7 +33,11 @@ impl VertexTree {
     #[must_use]
     pub fn nearest(&self, query: &Point) -> (u32, f64) {
         let query: [f64; 3] = query.coords.into();
-        let nearest = self.tree.query(&query).nearest_one::<SquaredEuclidean<f64>>().execute();
+        let nearest = self
+            .tree
+            .query(&query)
+            .nearest_one::<SquaredEuclidean<f64>>()
+            .execute();
         (nearest.item, nearest.distance.sqrt())
     }
 

@@ -73,8 +73,11 @@ pub fn repair(mesh: &TriangleMesh) -> Repaired {
     // Until the last step faces keep the input's vertices as corners; `welded` says which of
     // those are one.
     let welded = weld_exact(mesh.positions());
-    report.welded_vertices =
-        welded.iter().enumerate().filter(|&(i, &first)| i as u32 != first).count();
+    report.welded_vertices = welded
+        .iter()
+        .enumerate()
+        .filter(|&(i, &first)| i as u32 != first)
+        .count();
     let mut corners = mesh.faces().to_vec();
     faces::drop_degenerate(&mut corners, &welded, &mut report);
     faces::drop_duplicates(&mut corners, &welded, &mut report);
@@ -105,8 +108,16 @@ fn compact(
     let kept = positions.len();
     report.unreferenced_vertices =
         mesh.vertex_count() + report.split_vertices - report.welded_vertices - kept;
-    let faces = split.faces.iter().map(|face| face.map(|v| numbers[v as usize])).collect();
-    Repaired { mesh: TriangleMesh::from_valid(positions, faces), corner_origins, report }
+    let faces = split
+        .faces
+        .iter()
+        .map(|face| face.map(|v| numbers[v as usize]))
+        .collect();
+    Repaired {
+        mesh: TriangleMesh::from_valid(positions, faces),
+        corner_origins,
+        report,
+    }
 }
 
 #[cfg(test)]

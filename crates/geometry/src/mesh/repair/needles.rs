@@ -25,14 +25,18 @@ pub(super) fn flip_needles(
 ) {
     let is_needle = |face: &Face| face_normal(face.map(|v| positions[v as usize])).is_none();
     for _ in 0..MAX_PASSES {
-        let needles: Vec<usize> = (0..corners.len()).filter(|&f| is_needle(&corners[f])).collect();
+        let needles: Vec<usize> = (0..corners.len())
+            .filter(|&f| is_needle(&corners[f]))
+            .collect();
         if needles.is_empty() {
             return;
         }
         let mut faces_on = faces_on_edges(corners, welded);
         let mut flipped = 0;
         for needle in needles {
-            if is_needle(&corners[needle]) && flip(positions, corners, welded, (needle, &mut faces_on)) {
+            if is_needle(&corners[needle])
+                && flip(positions, corners, welded, (needle, &mut faces_on))
+            {
                 flipped += 1;
             }
         }
@@ -70,12 +74,16 @@ fn flip(
     let at = |v: u32| positions[v as usize];
     let [a, b, c] = with_longest_edge_first(corners[needle], at);
     let long_edge = Edge::new(id(a), id(b));
-    let Some(&[first, second]) = faces_on.get(&long_edge).map(Vec::as_slice) else { return false };
+    let Some(&[first, second]) = faces_on.get(&long_edge).map(Vec::as_slice) else {
+        return false;
+    };
     let neighbor = if first == needle { second } else { first };
     // The neighbor, turned so that its corner off the edge comes last: (b, a, d).
     let [x, y, z] = corners[neighbor];
     let turned = [[x, y, z], [y, z, x], [z, x, y]];
-    let Some([nb, na, d]) = turned.into_iter().find(|t| id(t[0]) == id(b) && id(t[1]) == id(a))
+    let Some([nb, na, d]) = turned
+        .into_iter()
+        .find(|t| id(t[0]) == id(b) && id(t[1]) == id(a))
     else {
         return false;
     };
@@ -92,7 +100,10 @@ fn flip(
     faces_on.insert(new_edge, vec![needle, neighbor]);
     let mut replace = |edge: Edge, from: usize, to: usize| {
         let faces = faces_on.entry(edge).or_default();
-        faces.iter_mut().filter(|face| **face == from).for_each(|face| *face = to);
+        faces
+            .iter_mut()
+            .filter(|face| **face == from)
+            .for_each(|face| *face = to);
     };
     // (b, c) was on the needle and (d, a) on the neighbor; they changed hands.
     replace(Edge::new(id(b), id(c)), needle, neighbor);

@@ -30,29 +30,43 @@ pub(super) fn separate(
     report: &mut RepairReport,
 ) -> Separated {
     let mut vertex_origins: Vec<u32> = (0..positions.len() as u32).collect();
-    let mut faces: Vec<Face> = corners.iter().map(|f| f.map(|v| welded[v as usize])).collect();
+    let mut faces: Vec<Face> = corners
+        .iter()
+        .map(|f| f.map(|v| welded[v as usize]))
+        .collect();
     let mut crowded = crowded_edges(&faces);
     report.non_manifold_edges = crowded.len();
     if crowded.is_empty() {
-        return Separated { faces, vertex_origins };
+        return Separated {
+            faces,
+            vertex_origins,
+        };
     }
     split_fans(positions, &mut faces, &mut vertex_origins, &crowded);
     // An edge both of whose ends hold the sheets together elsewhere cannot be cut: the
     // smallest face on it goes. Every pass removes a face, so this ends.
     loop {
         crowded = crowded_edges(&faces);
-        let Some(on_edge) = crowded.values().next() else { break };
+        let Some(on_edge) = crowded.values().next() else {
+            break;
+        };
         let area = |face: usize| {
             let [a, b, c] = corners[face].map(|v| positions[v as usize]);
             (b - a).cross(&(c - a)).norm()
         };
-        let smallest = on_edge.iter().copied().min_by(|&f, &g| area(f).total_cmp(&area(g)));
+        let smallest = on_edge
+            .iter()
+            .copied()
+            .min_by(|&f, &g| area(f).total_cmp(&area(g)));
         let Some(smallest) = smallest else { break };
         faces.remove(smallest);
         corners.remove(smallest);
         report.non_manifold_faces += 1;
     }
-    Separated { faces, vertex_origins }
+    Separated {
+        faces,
+        vertex_origins,
+    }
 }
 
 /// The edges with more than two faces, and those faces.
@@ -60,7 +74,12 @@ fn crowded_edges(faces: &[Face]) -> BTreeMap<Edge, Vec<usize>> {
     EdgeTable::of(faces)
         .iter()
         .filter(|(_, on_edge)| 2 < on_edge.len())
-        .map(|(edge, on_edge)| (edge, on_edge.iter().map(|&(_, face)| face as usize).collect()))
+        .map(|(edge, on_edge)| {
+            (
+                edge,
+                on_edge.iter().map(|&(_, face)| face as usize).collect(),
+            )
+        })
         .collect()
 }
 
@@ -88,22 +107,37 @@ fn split_fans(
         .map(|(&vertex, fan)| (vertex, components(vertex, fan, &original, &nothing_joined)))
         .collect();
     let shared_fans = |edge: Edge, f: usize, g: usize| {
-        let together = |v: u32| fans[&v].iter().any(|fan| fan.contains(&f) && fan.contains(&g));
+        let together = |v: u32| {
+            fans[&v]
+                .iter()
+                .any(|fan| fan.contains(&f) && fan.contains(&g))
+        };
         usize::from(together(edge.0)) + usize::from(together(edge.1))
     };
     let joined: BTreeMap<Edge, Vec<(usize, usize)>> = crowded
         .iter()
         .map(|(&edge, on_edge)| {
-            let closeness = |f, g| (shared_fans(edge, f, g), smoothness(positions, &original, f, g));
+            let closeness = |f, g| {
+                (
+                    shared_fans(edge, f, g),
+                    smoothness(positions, &original, f, g),
+                )
+            };
             (edge, pair_faces(&original, edge, on_edge, closeness))
         })
         .collect();
     for (&vertex, fan) in &around {
-        for component in components(vertex, fan, &original, &joined).into_iter().skip(1) {
+        for component in components(vertex, fan, &original, &joined)
+            .into_iter()
+            .skip(1)
+        {
             let copy = vertex_origins.len() as u32;
             vertex_origins.push(vertex);
             for face in component {
-                faces[face].iter_mut().filter(|c| **c == vertex).for_each(|c| *c = copy);
+                faces[face]
+                    .iter_mut()
+                    .filter(|c| **c == vertex)
+                    .for_each(|c| *c = copy);
             }
         }
     }
@@ -136,9 +170,14 @@ fn pair_faces(
         .flat_map(|&f| backward.iter().map(move |&g| (f, g)))
         .map(|(f, g)| (closeness(f, g), f, g))
         .collect();
-    candidates.sort_by(|((fans_a, smooth_a), fa, ga), ((fans_b, smooth_b), fb, gb)| {
-        fans_b.cmp(fans_a).then(smooth_b.total_cmp(smooth_a)).then((fa, ga).cmp(&(fb, gb)))
-    });
+    candidates.sort_by(
+        |((fans_a, smooth_a), fa, ga), ((fans_b, smooth_b), fb, gb)| {
+            fans_b
+                .cmp(fans_a)
+                .then(smooth_b.total_cmp(smooth_a))
+                .then((fa, ga).cmp(&(fb, gb)))
+        },
+    );
     let mut taken = BTreeSet::new();
     let mut pairs = Vec::new();
     for (_, f, g) in candidates {
@@ -168,7 +207,10 @@ fn components(
     let mut group: BTreeMap<usize, usize> = fan.iter().map(|&face| (face, face)).collect();
     let mut join = |f: usize, g: usize| {
         let (from, to) = (group[&f].max(group[&g]), group[&f].min(group[&g]));
-        group.values_mut().filter(|label| **label == from).for_each(|label| *label = to);
+        group
+            .values_mut()
+            .filter(|label| **label == from)
+            .for_each(|label| *label = to);
     };
     for (edge, on_edge) in &on_spoke {
         match joined.get(edge) {

@@ -10,7 +10,14 @@ fn mesh(positions: &[[f64; 3]], faces: &[Face]) -> TriangleMesh {
 #[test]
 fn copies_of_a_seam_vertex_become_one_and_stay_known() {
     let square = mesh(
-        &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [1., 0., 0.], [1., 1., 0.], [-0., 1., -0.]],
+        &[
+            [0., 0., 0.],
+            [1., 0., 0.],
+            [0., 1., 0.],
+            [1., 0., 0.],
+            [1., 1., 0.],
+            [-0., 1., -0.],
+        ],
         &[[0, 1, 2], [3, 4, 5]],
     );
     let repaired = repair(&square);
@@ -38,8 +45,21 @@ fn degenerate_and_duplicate_faces_and_unused_vertices_are_dropped_and_counted() 
 fn a_needle_between_two_faces_is_flipped_so_that_nothing_tears() {
     // A tetrahedron one of whose edges (0-1) carries a needle over the extra vertex 4.
     let torn = mesh(
-        &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0.5, 0., 0.]],
-        &[[0, 2, 1], [0, 4, 3], [4, 1, 3], [0, 3, 2], [1, 2, 3], [0, 1, 4]],
+        &[
+            [0., 0., 0.],
+            [1., 0., 0.],
+            [0., 1., 0.],
+            [0., 0., 1.],
+            [0.5, 0., 0.],
+        ],
+        &[
+            [0, 2, 1],
+            [0, 4, 3],
+            [4, 1, 3],
+            [0, 3, 2],
+            [1, 2, 3],
+            [0, 1, 4],
+        ],
     );
     let repaired = repair(&torn);
     let table = EdgeTable::of(repaired.mesh.faces());
@@ -54,10 +74,23 @@ fn a_needle_between_two_faces_is_flipped_so_that_nothing_tears() {
 #[test]
 fn two_tetrahedra_that_touch_along_an_edge_are_taken_apart() {
     let touching = mesh(
-        &[[0., 0., 0.], [0., 0., 1.], [1., 0., 0.], [1., 1., 0.], [-1., 0., 0.], [-1., -1., 0.]],
         &[
-            [0, 1, 2], [1, 0, 3], [0, 2, 3], [1, 3, 2],
-            [0, 1, 4], [1, 0, 5], [0, 4, 5], [1, 5, 4],
+            [0., 0., 0.],
+            [0., 0., 1.],
+            [1., 0., 0.],
+            [1., 1., 0.],
+            [-1., 0., 0.],
+            [-1., -1., 0.],
+        ],
+        &[
+            [0, 1, 2],
+            [1, 0, 3],
+            [0, 2, 3],
+            [1, 3, 2],
+            [0, 1, 4],
+            [1, 0, 5],
+            [0, 4, 5],
+            [1, 5, 4],
         ],
     );
     let repaired = repair(&touching);
@@ -72,7 +105,13 @@ fn two_tetrahedra_that_touch_along_an_edge_are_taken_apart() {
 #[test]
 fn a_fin_on_a_surface_leaves_at_most_two_faces_on_each_edge() {
     let fin = mesh(
-        &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., -1., 0.], [0.5, 0., 1.]],
+        &[
+            [0., 0., 0.],
+            [1., 0., 0.],
+            [0., 1., 0.],
+            [0., -1., 0.],
+            [0.5, 0., 1.],
+        ],
         &[[0, 1, 2], [1, 0, 3], [0, 1, 4]],
     );
     let repaired = repair(&fin);

@@ -20,7 +20,11 @@ pub struct GraphOptions {
 
 impl Default for GraphOptions {
     fn default() -> Self {
-        Self { node_spacing: 3.5, influence: 1.25, max_nodes: 1500 }
+        Self {
+            node_spacing: 3.5,
+            influence: 1.25,
+            max_nodes: 1500,
+        }
     }
 }
 
@@ -70,7 +74,11 @@ impl DeformationGraph {
         }
         let influences = normalized(mesh.vertex_count(), &shares);
         let edges = edges_between(&influences);
-        Self { nodes, influences, edges }
+        Self {
+            nodes,
+            influences,
+            edges,
+        }
     }
 
     /// The nodes' positions p_j (g_j in Eq. 2).
@@ -116,7 +124,13 @@ fn normalized(vertex_count: usize, shares: &[(u32, Influence)]) -> Rows<Influenc
         .iter()
         .filter(|(_, share)| 0.0 < share.weight)
         .map(|&(vertex, Influence { node, weight })| {
-            (vertex, Influence { node, weight: weight / sums[vertex as usize] })
+            (
+                vertex,
+                Influence {
+                    node,
+                    weight: weight / sums[vertex as usize],
+                },
+            )
         })
         .collect();
     Rows::from_pairs(vertex_count, &scaled)

@@ -25,7 +25,11 @@ pub(super) fn minimize(
 ) -> Result<Minimum, RegistrationError> {
     let factorised = system.factorise(problem, surrogate, start)?;
     let value = problem.surrogate_value(surrogate, start);
-    let mut best = Minimum { transforms: start.clone(), value, iterations: 0 };
+    let mut best = Minimum {
+        transforms: start.clone(),
+        value,
+        iterations: 0,
+    };
     for _ in 0..options.max_inner_iterations {
         let transforms = factorised.minimizer(&best.transforms)?;
         let value = problem.surrogate_value(surrogate, &transforms);

@@ -19,7 +19,9 @@ pub type NodeTransforms = Vec<Matrix4x3<f64>>;
 /// The identity on every node.
 pub(super) fn identity_transforms(node_count: usize) -> NodeTransforms {
     let mut identity = Matrix4x3::zeros();
-    identity.fixed_rows_mut::<3>(0).copy_from(&Matrix3::identity());
+    identity
+        .fixed_rows_mut::<3>(0)
+        .copy_from(&Matrix3::identity());
     vec![identity; node_count]
 }
 
@@ -60,7 +62,10 @@ impl Sample {
                 let node = graph.nodes()[share.node as usize];
                 offset += node.coords * share.weight;
                 let d = position - node;
-                (share.node, RowVector4::new(d.x, d.y, d.z, 1.0) * share.weight)
+                (
+                    share.node,
+                    RowVector4::new(d.x, d.y, d.z, 1.0) * share.weight,
+                )
             })
             .collect();
         Self { basis, offset }
@@ -68,8 +73,11 @@ impl Sample {
 
     /// v̂ of Eq. 2.
     pub fn deformed(&self, transforms: &NodeTransforms) -> Point {
-        let linear: RowVector3<f64> =
-            self.basis.iter().map(|(node, basis)| basis * transforms[*node as usize]).sum();
+        let linear: RowVector3<f64> = self
+            .basis
+            .iter()
+            .map(|(node, basis)| basis * transforms[*node as usize])
+            .sum();
         Point::from(linear.transpose() + self.offset)
     }
 }
@@ -93,7 +101,10 @@ pub(super) struct Surrogate {
 impl Problem<'_> {
     /// D_ij for the edge from node `i` to node `j`.
     pub fn edge_gap(&self, (i, j): (u32, u32), transforms: &NodeTransforms) -> Vector {
-        let (pi, pj) = (self.graph.nodes()[i as usize], self.graph.nodes()[j as usize]);
+        let (pi, pj) = (
+            self.graph.nodes()[i as usize],
+            self.graph.nodes()[j as usize],
+        );
         let (xi, xj) = (&transforms[i as usize], &transforms[j as usize]);
         let d = pi - pj;
         let moved = (RowVector4::new(d.x, d.y, d.z, 1.0) * xj).transpose();
@@ -125,9 +136,15 @@ impl Problem<'_> {
             let weight = welsch_weight(gap, scales.smoothness);
             self.weights.smoothness * weight * curvature(scales.smoothness)
         };
-        let smoothness =
-            self.graph.edges().iter().map(|&(i, j)| [edge_weight((i, j)), edge_weight((j, i))]);
-        Surrogate { alignment, smoothness: smoothness.collect() }
+        let smoothness = self
+            .graph
+            .edges()
+            .iter()
+            .map(|&(i, j)| [edge_weight((i, j)), edge_weight((j, i))]);
+        Surrogate {
+            alignment,
+            smoothness: smoothness.collect(),
+        }
     }
 
     /// The value of the surrogate; infinite if a transform is not finite.
@@ -167,13 +184,20 @@ impl Problem<'_> {
             .zip(targets)
             .map(|(sample, target)| {
                 target.map_or(1.0, |target| {
-                    welsch((sample.deformed(transforms) - target).norm(), scales.alignment)
+                    welsch(
+                        (sample.deformed(transforms) - target).norm(),
+                        scales.alignment,
+                    )
                 })
             })
             .sum();
         let gap_energy = |edge| welsch(self.edge_gap(edge, transforms).norm(), scales.smoothness);
-        let smoothness: f64 =
-            self.graph.edges().iter().map(|&(i, j)| gap_energy((i, j)) + gap_energy((j, i))).sum();
+        let smoothness: f64 = self
+            .graph
+            .edges()
+            .iter()
+            .map(|&(i, j)| gap_energy((i, j)) + gap_energy((j, i)))
+            .sum();
         alignment
             + self.weights.smoothness * smoothness
             + self.weights.rotation * rotation_term(transforms)

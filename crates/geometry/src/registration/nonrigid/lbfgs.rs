@@ -34,7 +34,11 @@ pub(super) fn minimize(
 ) -> Result<Minimum, RegistrationError> {
     let factorised = system.factorise(problem, surrogate, start)?;
     let value = problem.surrogate_value(surrogate, start);
-    let mut best = Minimum { transforms: start.clone(), value, iterations: 0 };
+    let mut best = Minimum {
+        transforms: start.clone(),
+        value,
+        iterations: 0,
+    };
     let mut gradient = factorised.half_gradient(problem, surrogate, start)?;
     let mut memory = Memory::default();
     for _ in 0..options.max_inner_iterations {
@@ -42,8 +46,7 @@ pub(super) fn minimize(
         // `gradient` is half of the gradient, hence the factor.
         let slope = 2.0 * dot(&gradient, &direction);
         best.iterations += 1;
-        let Some((transforms, value)) =
-            line_search(problem, surrogate, &best, (&direction, slope))
+        let Some((transforms, value)) = line_search(problem, surrogate, &best, (&direction, slope))
         else {
             break;
         };
@@ -69,8 +72,12 @@ fn line_search(
 ) -> Option<(NodeTransforms, f64)> {
     let mut step = 1.0;
     for _ in 0..MAX_HALVINGS {
-        let transforms: NodeTransforms =
-            from.transforms.iter().zip(direction).map(|(x, d)| x + d * step).collect();
+        let transforms: NodeTransforms = from
+            .transforms
+            .iter()
+            .zip(direction)
+            .map(|(x, d)| x + d * step)
+            .collect();
         let value = problem.surrogate_value(surrogate, &transforms);
         if value < from.value && value <= from.value + ARMIJO * step * slope {
             return Some((transforms, value));
@@ -130,5 +137,7 @@ fn difference(a: &Blocks, b: &Blocks) -> Blocks {
 }
 
 fn add_scaled(sum: &mut Blocks, term: &Blocks, factor: f64) {
-    sum.iter_mut().zip(term).for_each(|(sum, term)| *sum += term * factor);
+    sum.iter_mut()
+        .zip(term)
+        .for_each(|(sum, term)| *sum += term * factor);
 }

@@ -82,7 +82,13 @@ pub fn register(
         rounds.run_scale(scale, options.rounds_per_scale)?;
     }
     rounds.run_scale(last, options.final_rounds)?;
-    let State { transforms, rounds, inner_iterations, matched, energy } = rounds.state;
+    let State {
+        transforms,
+        rounds,
+        inner_iterations,
+        matched,
+        energy,
+    } = rounds.state;
     let positions = deformed_positions(source, &graph, &transforms);
     if !positions.iter().all(|p| p.iter().all(|c| c.is_finite())) {
         return Err(RegistrationError::NotFinite { step: "non-rigid" });
@@ -152,7 +158,12 @@ impl Sampling {
         let vertices = (0..source.vertex_count()).step_by(stride);
         let all_normals = vertex_normals(source);
         let (samples, normals) = vertices
-            .map(|v| (Sample::new(graph, v, &source.positions()[v]), all_normals[v]))
+            .map(|v| {
+                (
+                    Sample::new(graph, v, &source.positions()[v]),
+                    all_normals[v],
+                )
+            })
             .unzip();
         Self { samples, normals }
     }
@@ -178,7 +189,10 @@ impl Rounds<'_> {
     /// Rounds at one ν_a, until the samples come to rest.
     fn run_scale(&mut self, alignment: f64, max_rounds: usize) -> Result<(), RegistrationError> {
         let smoothness = self.options.smoothness_scale_ratio * alignment;
-        let scales = Scales { alignment, smoothness };
+        let scales = Scales {
+            alignment,
+            smoothness,
+        };
         let acceptance = Acceptance {
             scale: alignment,
             min_normal_cosine: self.options.max_normal_angle_degrees.to_radians().cos(),
@@ -209,7 +223,12 @@ impl Rounds<'_> {
             Solver::Direct => direct::minimize,
             Solver::Lbfgs => lbfgs::minimize,
         };
-        let minimum = minimize(self.problem, self.system, &surrogate, (before, self.options))?;
+        let minimum = minimize(
+            self.problem,
+            self.system,
+            &surrogate,
+            (before, self.options),
+        )?;
         let largest_motion = self
             .problem
             .samples

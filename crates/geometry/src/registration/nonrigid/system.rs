@@ -60,7 +60,12 @@ impl System {
             SymbolicSparseColMat::new_checked(size, size, column_starts.clone(), None, row_indices);
         let symbolic_factor = SymbolicLlt::try_new(symbolic_matrix.as_ref(), Side::Lower)
             .map_err(|error| factorisation_error(size, &error))?;
-        Ok(Self { symbolic_matrix, symbolic_factor, below, column_starts })
+        Ok(Self {
+            symbolic_matrix,
+            symbolic_factor,
+            below,
+            column_starts,
+        })
     }
 
     /// Assembles and factorises the normal matrix of `surrogate`.
@@ -80,15 +85,21 @@ impl System {
         normal.add_smoothness(problem, surrogate);
         normal.add_rotation_and_damping(problem.weights.rotation, previous);
         let matrix = SparseColMatRef::new(self.symbolic_matrix.as_ref(), &normal.values);
-        let factor =
-            Llt::try_new_with_symbolic(self.symbolic_factor.clone(), matrix, Side::Lower)
-                .map_err(|error| factorisation_error(size, &error))?;
-        Ok(Factorised { factor, right: normal.right, rotation_weight: problem.weights.rotation })
+        let factor = Llt::try_new_with_symbolic(self.symbolic_factor.clone(), matrix, Side::Lower)
+            .map_err(|error| factorisation_error(size, &error))?;
+        Ok(Factorised {
+            factor,
+            right: normal.right,
+            rotation_weight: problem.weights.rotation,
+        })
     }
 }
 
 fn factorisation_error(unknowns: usize, error: &dyn std::fmt::Debug) -> RegistrationError {
-    RegistrationError::Factorisation { unknowns, reason: format!("{error:?}") }
+    RegistrationError::Factorisation {
+        unknowns,
+        reason: format!("{error:?}"),
+    }
 }
 
 impl Factorised {
@@ -110,12 +121,17 @@ impl Factorised {
 
     /// Solves for a right-hand side of a 4 x 3 block a node.
     pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
-        let dense = Mat::from_fn(4 * right.len(), 3, |row, column| right[row / 4][(row % 4, column)]);
+        let dense = Mat::from_fn(4 * right.len(), 3, |row, column| {
+            right[row / 4][(row % 4, column)]
+        });
         let solution = self.factor.solve(&dense);
         let transforms: NodeTransforms = (0..right.len())
             .map(|node| Matrix4x3::from_fn(|row, column| solution[(4 * node + row, column)]))
             .collect();
-        if transforms.iter().all(|x| x.iter().all(|entry| entry.is_finite())) {
+        if transforms
+            .iter()
+            .all(|x| x.iter().all(|entry| entry.is_finite()))
+        {
             Ok(transforms)
         } else {
             Err(RegistrationError::NotFinite { step: "non-rigid" })
@@ -160,7 +176,10 @@ impl Factorised {
 /// How D_ij depends on X_j and on X_i.
 fn edge_basis(problem: &Problem<'_>, (i, j): (u32, u32)) -> [RowVector4<f64>; 2] {
     let d = problem.graph.nodes()[i as usize] - problem.graph.nodes()[j as usize];
-    [RowVector4::new(d.x, d.y, d.z, 1.0), RowVector4::new(0.0, 0.0, 0.0, -1.0)]
+    [
+        RowVector4::new(d.x, d.y, d.z, 1.0),
+        RowVector4::new(0.0, 0.0, 0.0, -1.0),
+    ]
 }
 
 struct Assembly<'a> {
@@ -178,7 +197,11 @@ impl Assembly<'_> {
                 let weighted = column_basis.transpose() * *weight;
                 self.right[*column as usize] += weighted * wanted;
                 for (row, row_basis) in &sample.basis[slot..] {
-                    self.add_block(*row, *column, &(row_basis.transpose() * weighted.transpose()));
+                    self.add_block(
+                        *row,
+                        *column,
+                        &(row_basis.transpose() * weighted.transpose()),
+                    );
                 }
             }
         }

@@ -26,10 +26,15 @@ use super::MIN_CORRESPONDENCES;
 pub fn fit_rigid(source: &[Point], target: &[Point]) -> Result<Isometry3<f64>, RegistrationError> {
     let (source_count, target_count) = (source.len(), target.len());
     if source_count != target_count {
-        return Err(RegistrationError::CountMismatch { source_count, target_count });
+        return Err(RegistrationError::CountMismatch {
+            source_count,
+            target_count,
+        });
     }
     if source_count < MIN_CORRESPONDENCES {
-        return Err(RegistrationError::TooFewCorrespondences { found: source_count });
+        return Err(RegistrationError::TooFewCorrespondences {
+            found: source_count,
+        });
     }
     let (source_mean, target_mean) = (centroid(source), centroid(target));
     let covariance: Matrix3<f64> = source
@@ -39,7 +44,11 @@ pub fn fit_rigid(source: &[Point], target: &[Point]) -> Result<Isometry3<f64>, R
         .sum();
     // Scaled so that its entries are near one: the rotation does not depend on the unit.
     let size = covariance.amax();
-    let covariance = if size > 0.0 { covariance / size } else { covariance };
+    let covariance = if size > 0.0 {
+        covariance / size
+    } else {
+        covariance
+    };
     let rotation =
         nearest_rotation(&covariance).ok_or(RegistrationError::NotFinite { step: "rigid" })?;
     let rotation =
@@ -58,7 +67,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn tetrahedron() -> Vec<Point> {
-        [[0., 0., 0.], [1., 0., 0.], [0., 2., 0.], [0., 0., 3.]].map(Point::from).to_vec()
+        [[0., 0., 0.], [1., 0., 0.], [0., 2., 0.], [0., 0., 3.]]
+            .map(Point::from)
+            .to_vec()
     }
 
     proptest! {

@@ -94,8 +94,10 @@ pub fn register(
     }
     let coarse = strided(source.positions(), options.coarse_samples);
     let fine = strided(source.positions(), options.fine_samples);
-    let centroids_agree =
-        Isometry3::from_parts(centroid_shift(&coarse, target), nalgebra::UnitQuaternion::identity());
+    let centroids_agree = Isometry3::from_parts(
+        centroid_shift(&coarse, target),
+        nalgebra::UnitQuaternion::identity(),
+    );
     let mut iterations = 0;
     let mut best: Option<(f64, Isometry3<f64>)> = None;
     for start in [Isometry3::identity(), centroids_agree] {
@@ -106,7 +108,9 @@ pub fn register(
             max_iterations: options.coarse_iterations,
         };
         // A start that leads nowhere is no reason to give up on the other.
-        let Ok(outcome) = stage.run(target, options) else { continue };
+        let Ok(outcome) = stage.run(target, options) else {
+            continue;
+        };
         iterations += outcome.iterations;
         let score = trimmed_mean(&coarse, &outcome.motion, target);
         if best.is_none_or(|(lowest, _)| score < lowest) {
@@ -114,11 +118,16 @@ pub fn register(
         }
     }
     let start = best.map_or_else(Isometry3::identity, |(_, motion)| motion);
-    let stage =
-        Stage { metric: options.metric, points: &fine, start, max_iterations: options.max_iterations };
+    let stage = Stage {
+        metric: options.metric,
+        points: &fine,
+        start,
+        max_iterations: options.max_iterations,
+    };
     let outcome = stage.run(target, options)?;
     let unmoved = Isometry3::identity();
-    let moves = trimmed_mean(&fine, &outcome.motion, target) < trimmed_mean(&fine, &unmoved, target);
+    let moves =
+        trimmed_mean(&fine, &outcome.motion, target) < trimmed_mean(&fine, &unmoved, target);
     let target_from_source = if moves { outcome.motion } else { unmoved };
     let distances = distances(&fine, &target_from_source, target);
     Ok(RigidRegistration {
@@ -131,7 +140,11 @@ pub fn register(
 
 /// At most about `count` of `points`, evenly strided.
 fn strided(points: &[Point], count: usize) -> Vec<Point> {
-    points.iter().step_by((points.len() / count.max(1)).max(1)).copied().collect()
+    points
+        .iter()
+        .step_by((points.len() / count.max(1)).max(1))
+        .copied()
+        .collect()
 }
 
 /// The translation that brings the points' centroid to the target's.
@@ -141,7 +154,10 @@ fn centroid_shift(points: &[Point], target: &Target) -> Translation3<f64> {
 }
 
 fn distances(points: &[Point], motion: &Isometry3<f64>, target: &Target) -> Vec<f64> {
-    points.iter().map(|p| target.closest(&(motion * p)).0.distance).collect()
+    points
+        .iter()
+        .map(|p| target.closest(&(motion * p)).0.distance)
+        .collect()
 }
 
 fn trimmed_mean(points: &[Point], motion: &Isometry3<f64>, target: &Target) -> f64 {
@@ -181,15 +197,26 @@ impl Stage<'_> {
                 Metric::PointToPlane => fit_point_to_plane(&pairs)?,
             };
             motion = step * motion;
-            let largest = moved.iter().map(|p| (step * p - p).norm()).fold(0.0, f64::max);
+            let largest = moved
+                .iter()
+                .map(|p| (step * p - p).norm())
+                .fold(0.0, f64::max);
             if !largest.is_finite() {
                 return Err(RegistrationError::NotFinite { step: "rigid" });
             }
             if largest < tolerance {
-                return Ok(StageOutcome { motion, iterations: iteration, converged: true });
+                return Ok(StageOutcome {
+                    motion,
+                    iterations: iteration,
+                    converged: true,
+                });
             }
         }
-        Ok(StageOutcome { motion, iterations: self.max_iterations, converged: false })
+        Ok(StageOutcome {
+            motion,
+            iterations: self.max_iterations,
+            converged: false,
+        })
     }
 }
 
@@ -201,9 +228,15 @@ fn correspondences(
     target: &Target,
     rejection_factor: f64,
 ) -> Vec<(Point, Point, Vector)> {
-    let found: Vec<_> =
-        points.iter().zip(faces.iter()).map(|(p, &face)| target.closest_from(p, face)).collect();
-    faces.iter_mut().zip(&found).for_each(|(face, (surface, _))| *face = surface.face);
+    let found: Vec<_> = points
+        .iter()
+        .zip(faces.iter())
+        .map(|(p, &face)| target.closest_from(p, face))
+        .collect();
+    faces
+        .iter_mut()
+        .zip(&found)
+        .for_each(|(face, (surface, _))| *face = surface.face);
     let distances: Vec<f64> = found.iter().map(|(surface, _)| surface.distance).collect();
     let limit = rejection_factor * DistanceStatistics::quantile(&distances, 0.5);
     points
@@ -225,7 +258,11 @@ mod tests {
             let theta = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
             let phi = std::f64::consts::TAU * f64::from(segment % segments) / f64::from(segments);
             let r = 1.0 + 0.2 * (2.0 * phi).sin() * theta.sin() + 0.1 * (3.0 * theta).cos();
-            let d = Vector::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            let d = Vector::new(
+                theta.sin() * phi.cos(),
+                theta.cos(),
+                theta.sin() * phi.sin(),
+            );
             Point::new(r * d.x, 2.0 * r * d.y, 0.7 * r * d.z + 0.2 * d.x)
         };
         let mut positions = vec![];
@@ -252,11 +289,16 @@ mod tests {
         let moved = source.positions().iter().map(|p| motion * p).collect();
         let moved = source.with_positions(moved).unwrap();
         // Point-to-point approaches linearly, and so slowly that it is only asked to get close.
-        for (metric, max_iterations, within) in
-            [(Metric::PointToPlane, 60, 1e-9), (Metric::PointToPoint, 400, 1e-4)]
-        {
+        for (metric, max_iterations, within) in [
+            (Metric::PointToPlane, 60, 1e-9),
+            (Metric::PointToPoint, 400, 1e-4),
+        ] {
             let target = Target::new(&moved).unwrap();
-            let options = Options { metric, max_iterations, ..Options::default() };
+            let options = Options {
+                metric,
+                max_iterations,
+                ..Options::default()
+            };
             let found = register(&source, &target, &options).unwrap();
             let worst = source
                 .positions()

@@ -34,14 +34,20 @@ pub fn fit_point_to_plane(
     planes: &[(Point, Point, Vector)],
 ) -> Result<Isometry3<f64>, RegistrationError> {
     if planes.len() < MIN_PLANES {
-        return Err(RegistrationError::TooFewCorrespondences { found: planes.len() });
+        return Err(RegistrationError::TooFewCorrespondences {
+            found: planes.len(),
+        });
     }
     // Rotating about the centroid and measuring in units of the spread keeps rotation and
     // translation of one size, whatever the unit and the place.
     let count = planes.len() as f64;
     let center = Point::from(planes.iter().map(|(p, _, _)| p.coords).sum::<Vector>() / count);
-    let spread =
-        (planes.iter().map(|(p, _, _)| (p - center).norm_squared()).sum::<f64>() / count).sqrt();
+    let spread = (planes
+        .iter()
+        .map(|(p, _, _)| (p - center).norm_squared())
+        .sum::<f64>()
+        / count)
+        .sqrt();
     let unit = if spread > 0.0 { spread } else { 1.0 };
 
     let mut matrix = Matrix6::<f64>::zeros();
@@ -62,7 +68,10 @@ pub fn fit_point_to_plane(
     let rotation = UnitQuaternion::from_scaled_axis(solution.fixed_rows::<3>(0).into_owned());
     let shift = solution.fixed_rows::<3>(3) * unit;
     let translation = center.coords + shift - rotation * center.coords;
-    Ok(Isometry3::from_parts(Translation3::from(translation), rotation))
+    Ok(Isometry3::from_parts(
+        Translation3::from(translation),
+        rotation,
+    ))
 }
 
 #[cfg(test)]
@@ -76,13 +85,19 @@ mod tests {
             .map(|i| {
                 let t = f64::from(i);
                 let p = Point::new(t.sin(), (1.7 * t).cos(), (0.3 * t).sin());
-                (p, Vector::new((2.1 * t).cos(), (0.9 * t).sin(), 0.3).normalize())
+                (
+                    p,
+                    Vector::new((2.1 * t).cos(), (0.9 * t).sin(), 0.3).normalize(),
+                )
             })
             .collect();
         let mut moved: Vec<Point> = samples.iter().map(|(p, _)| motion.inverse() * p).collect();
         for _ in 0..10 {
-            let planes: Vec<_> =
-                moved.iter().zip(&samples).map(|(p, (q, n))| (*p, *q, *n)).collect();
+            let planes: Vec<_> = moved
+                .iter()
+                .zip(&samples)
+                .map(|(p, (q, n))| (*p, *q, *n))
+                .collect();
             let step = fit_point_to_plane(&planes).unwrap();
             moved.iter_mut().for_each(|p| *p = step * *p);
         }
@@ -94,8 +109,8 @@ mod tests {
     #[test]
     fn one_plane_many_times_moves_along_its_normal_only() {
         let corner = |x, y| (Point::new(x, y, 0.5), Point::new(x, y, 0.0), Vector::z());
-        let planes = [(0., 0.), (1., 0.), (0., 1.), (1., 1.), (2., 0.), (0., 2.)]
-            .map(|(x, y)| corner(x, y));
+        let planes =
+            [(0., 0.), (1., 0.), (0., 1.), (1., 1.), (2., 0.), (0., 2.)].map(|(x, y)| corner(x, y));
         let step = fit_point_to_plane(&planes).unwrap();
         assert!((step * planes[3].0 - Point::new(1.0, 1.0, 0.0)).norm() < 1e-6);
     }

@@ -1,0 +1,148 @@
+//! A simplified frame as a player receives it: its metrics and its Draco bytes.
+
+use crate::FrameMetrics;
+
+const MAGIC: [u8; 4] = *b"SMDF";
+const VERSION: u16 = 1;
+const HEADER_BYTES: usize = 16;
+
+/// One binary WebSocket message of `subscribe`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DeliveredFrame<'a> {
+    /// The frame's figures.
+    pub metrics: FrameMetrics,
+    /// The simplified mesh, compressed by Draco.
+    pub mesh: &'a [u8],
+}
+
+/// Why bytes are not a delivered frame.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InvalidDeliveredFrame {
+    /// The message is shorter than its header.
+    #[error("{length} bytes are less than the header of {HEADER_BYTES}")]
+    Truncated {
+        /// The message's length.
+        length: usize,
+    },
+    /// The first four bytes are others.
+    #[error("a delivered frame starts with the bytes \"SMDF\"")]
+    Magic,
+    /// A version that this implementation does not know.
+    #[error("version {version} of the delivered frame, but only version 1 is known")]
+    Version {
+        /// The version found.
+        version: u16,
+    },
+    /// The two lengths do not add up to the message.
+    #[error("{metrics} bytes of metrics and {mesh} of mesh, but the message has {found} for both")]
+    Length {
+        /// Bytes of metrics that the header promises.
+        metrics: u32,
+        /// Bytes of mesh that the header promises.
+        mesh: u32,
+        /// Bytes after the header.
+        found: usize,
+    },
+    /// The metrics are not the JSON that they should be.
+    #[error("the metrics cannot be read: {0}")]
+    Metrics(#[from] serde_json::Error),
+}
+
+impl<'a> DeliveredFrame<'a> {
+    /// Reads a message.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidDeliveredFrame`] says what is wrong.
+    pub fn decode(bytes: &'a [u8]) -> Result<Self, InvalidDeliveredFrame> {
+        let Some((header, body)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
+            return Err(InvalidDeliveredFrame::Truncated {
+                length: bytes.len(),
+            });
+        };
+        if header[..4] != MAGIC {
+            return Err(InvalidDeliveredFrame::Magic);
+        }
+        let version = u16::from_le_bytes([header[4], header[5]]);
+        if version != VERSION {
+            return Err(InvalidDeliveredFrame::Version { version });
+        }
+        let length_at = |at: usize| {
+            u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]])
+        };
+        let (metrics, mesh) = (length_at(8), length_at(12));
+        if u64::from(metrics) + u64::from(mesh) != body.len() as u64 {
+            return Err(InvalidDeliveredFrame::Length {
+                metrics,
+                mesh,
+                found: body.len(),
+            });
+        }
+        let (metrics, mesh) = body.split_at(metrics as usize);
+        Ok(Self {
+            metrics: serde_json::from_slice(metrics)?,
+            mesh,
+        })
+    }
+
+    /// Writes the message.
+    ///
+    /// # Panics
+    ///
+    /// If the mesh has 4 GiB or more.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        let metrics = serde_json::to_vec(&self.metrics)
+            .expect("metrics are numbers and names, which always serialize");
+        let length = |bytes: &[u8]| u32::try_from(bytes.len()).expect("a part is below 4 GiB");
+        let mut bytes = Vec::with_capacity(HEADER_BYTES + metrics.len() + self.mesh.len());
+        bytes.extend_from_slice(&MAGIC);
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        // Flags, none of which is defined yet.
+        bytes.extend_from_slice(&0u16.to_le_bytes());
+        bytes.extend_from_slice(&length(&metrics).to_le_bytes());
+        bytes.extend_from_slice(&length(self.mesh).to_le_bytes());
+        bytes.extend_from_slice(&metrics);
+        bytes.extend_from_slice(self.mesh);
+        bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_comes_back_as_it_was_written() {
+        let metrics = FrameMetrics {
+            seq: 3,
+            bbox_diagonal: 1.8,
+            ..FrameMetrics::default()
+        };
+        let frame = DeliveredFrame {
+            metrics,
+            mesh: b"DRACO and so on",
+        };
+        assert_eq!(DeliveredFrame::decode(&frame.encode()).unwrap(), frame);
+    }
+
+    #[test]
+    fn the_golden_message_is_read_as_documented() {
+        let golden = include_bytes!("../vectors/delivered_frame.bin");
+        let frame = DeliveredFrame::decode(golden).unwrap();
+        assert_eq!((frame.metrics.seq, frame.metrics.output.faces), (41, 4000));
+        assert_eq!(frame.mesh, b"DRACO");
+    }
+
+    #[test]
+    fn a_message_cut_short_is_refused() {
+        let golden = include_bytes!("../vectors/delivered_frame.bin");
+        for length in 0..golden.len() {
+            assert!(
+                DeliveredFrame::decode(&golden[..length]).is_err(),
+                "{length} bytes"
+            );
+        }
+    }
+}

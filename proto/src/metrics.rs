@@ -1,0 +1,158 @@
+//! The figures that come with every frame, in the terms of the public contract.
+//!
+//! Distances are in the mesh's own unit. Unknown fields are ignored on reading, so that a
+//! player goes on working with a newer server.
+
+use serde::{Deserialize, Serialize};
+
+/// How a frame was simplified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Tracking {
+    /// The original QEM.
+    #[default]
+    Off,
+    /// The formulas of the Tracked QEM paper to the letter.
+    Paper,
+}
+
+/// One frame's metrics.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FrameMetrics {
+    /// The frame's number in its stream.
+    pub seq: u64,
+    /// When it was captured, in microseconds since 1970, if the rig said so.
+    pub capture_time_us: Option<u64>,
+    /// How it was simplified: `off` for a first frame and where registration failed.
+    pub tracking: Tracking,
+    /// The frame that was registered onto it; none for the first frame.
+    pub reference_seq: Option<u64>,
+    /// What came in.
+    pub input: Input,
+    /// What went out.
+    pub output: Output,
+    /// How well the reference was registered; none without one.
+    pub registration: Option<Registration>,
+    /// Why there is no registration although there is a previous frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registration_error: Option<String>,
+    /// From each vertex of the simplified mesh to the surface of the frames.
+    pub surface_distance: Option<DistancePair>,
+    /// From each vertex of the simplified mesh to the nearest vertex of the frames.
+    pub vertex_distance: Option<DistancePair>,
+    /// From each vertex of the frame to the surface of the simplified mesh.
+    pub current_to_output: Option<Statistics>,
+    /// The diagonal of the frame's bounding box.
+    pub bbox_diagonal: f64,
+    /// How long each stage took, in microseconds.
+    pub stage_us: StageTimes,
+    /// From the arrival of the whole frame to its delivery, in microseconds.
+    pub latency_us: u64,
+}
+
+/// What came in, and what repair did to it.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Input {
+    /// Vertices as received.
+    pub vertices: usize,
+    /// Faces as received, polygons fanned.
+    pub faces: usize,
+    /// The body's length.
+    pub bytes: usize,
+    /// Vertices merged into another one at exactly the same position.
+    pub welded_vertices: usize,
+    /// Faces dropped as degenerate, duplicate or non-manifold.
+    pub removed_faces: usize,
+    /// Edges found with more than two faces.
+    #[serde(default)]
+    pub non_manifold_edges: usize,
+    /// Vertices dropped because no face refers to them.
+    #[serde(default)]
+    pub unreferenced_vertices: usize,
+}
+
+/// What went out.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Output {
+    /// Vertices of the simplified mesh.
+    pub vertices: usize,
+    /// Its faces.
+    pub faces: usize,
+    /// Its length in Draco.
+    pub bytes: usize,
+    /// Whether it has the asked number of faces (or one more where the topology leaves no
+    /// choice).
+    #[serde(default)]
+    pub target_reached: bool,
+}
+
+/// How well the previous frame was registered.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Registration {
+    /// Root mean square distance to the frame's surface after the rigid step.
+    pub rigid_rmse: f64,
+    /// Distances of the registered vertices to the frame's surface.
+    pub residual: Residual,
+    /// Nodes of the deformation graph.
+    pub nodes: usize,
+    /// Rounds of the non-rigid step.
+    pub iterations: usize,
+}
+
+/// Distances of the registered vertices to the frame's surface.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Residual {
+    /// Their mean.
+    pub mean: f64,
+    /// Their root mean square.
+    pub rms: f64,
+    /// The distance that 95 % of them are below.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+/// Distances to the registered previous frame and to the current one.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct DistancePair {
+    /// To the registered frame k-1; none without one.
+    pub previous: Option<Statistics>,
+    /// To frame k.
+    pub current: Statistics,
+}
+
+/// Summary of a set of distances: see `metrics` in the geometry crate for the formulas.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Statistics {
+    /// (1/n) Σ d
+    pub mean: f64,
+    /// (1/n) Σ (d − mean)²
+    pub variance: f64,
+    /// √variance
+    pub std: f64,
+    /// (1/n) Σ d²
+    pub mse: f64,
+    /// √mse
+    pub rmse: f64,
+    /// max d
+    pub max: f64,
+    /// n
+    pub count: usize,
+}
+
+/// How long each stage took, in microseconds.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct StageTimes {
+    /// Bytes to arrays.
+    pub parse: u64,
+    /// Welding and the rest of the repair.
+    pub repair: u64,
+    /// Registration of the previous frame.
+    pub register: u64,
+    /// Edge collapses.
+    pub simplify: u64,
+    /// The distances.
+    pub measure: u64,
+    /// Draco.
+    pub encode: u64,
+}
