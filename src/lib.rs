@@ -1,1 +1,3 @@
-//! The server.
+//! Steadymesh: a server for volumetric video whose meshes do not flicker.
+
+pub mod pipeline;

@@ -1,2 +1,3 @@
-//! bin
-fn main(){}
+//! The `steadymesh` command. Its subcommands come with the server.
+
+fn main() {}

@@ -1,0 +1,93 @@
+//! What a stream's user chooses.
+
+use steadymesh_draco::EncodeOptions;
+use steadymesh_geometry::registration;
+use steadymesh_proto::metrics::Tracking;
+
+/// How many faces are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TargetSize {
+    /// This many.
+    Faces(usize),
+    /// This share of the repaired frame's, above 0 and at most 1.
+    Ratio(f64),
+}
+
+/// Why settings cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum InvalidSettings {
+    /// A closed surface has at least four faces.
+    #[error("target_faces is {found}: it must be from {} to {limit}", super::MIN_FACES)]
+    TargetFaces {
+        /// What was asked for.
+        found: usize,
+        /// The most faces that a frame may have.
+        limit: usize,
+    },
+    /// A share of nothing or of more than there is.
+    #[error("target_ratio is {found}: it must be above 0 and at most 1")]
+    TargetRatio {
+        /// What was asked for.
+        found: f64,
+    },
+}
+
+impl TargetSize {
+    /// Checks the size against the most faces that a frame may have.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidSettings`] names the value and its range.
+    pub fn check(self, max_faces: usize) -> Result<Self, InvalidSettings> {
+        match self {
+            Self::Faces(found) if !(super::MIN_FACES..=max_faces).contains(&found) => {
+                Err(InvalidSettings::TargetFaces { found, limit: max_faces })
+            }
+            // A NaN is not above 0 either.
+            Self::Ratio(found) if !(0.0 < found && found <= 1.0) => {
+                Err(InvalidSettings::TargetRatio { found })
+            }
+            usable => Ok(usable),
+        }
+    }
+
+    /// The number of faces wanted of a frame that has `face_count`.
+    #[must_use]
+    pub fn faces_of(self, face_count: usize) -> usize {
+        match self {
+            Self::Faces(faces) => faces,
+            Self::Ratio(ratio) => {
+                ((face_count as f64 * ratio).round() as usize).max(super::MIN_FACES)
+            }
+        }
+    }
+}
+
+/// How a stream's frames are processed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// How many faces are wanted.
+    pub target: TargetSize,
+    /// Whether the previous frame takes part.
+    pub tracking: Tracking,
+    /// Draco's quantization and speed.
+    pub draco: EncodeOptions,
+    /// How the previous frame is registered.
+    pub registration: registration::Options,
+    /// Whether distances are measured; without them a frame costs less.
+    pub measure: bool,
+}
+
+impl Default for Settings {
+    /// A tenth of a 40,000-face capture, tracked.
+    fn default() -> Self {
+        Self {
+            target: TargetSize::Faces(4000),
+            tracking: Tracking::Paper,
+            draco: EncodeOptions::default(),
+            registration: registration::Options::default(),
+            measure: true,
+        }
+    }
+}
