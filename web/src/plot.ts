@@ -1,0 +1,154 @@
+/** A small plot over the last frames: two distances in percent of the bounding-box diagonal. */
+
+export interface PlotSample {
+  seq: number | null;
+  /** Percent of the diagonal; `null` where there is nothing to compare with. */
+  previous: number | null;
+  current: number | null;
+}
+
+export const PLOT_FRAMES = 150;
+
+const MARGIN = { left: 46, right: 6, top: 8, bottom: 18 };
+const TICK_COUNT = 3;
+
+/** The smallest of 1, 2, 2.5 and 5 times a power of ten that is not below `value`. */
+export function niceCeiling(value: number): number {
+  if (!(value > 0)) return 1;
+  const power = 10 ** Math.floor(Math.log10(value));
+  const step = [1, 2, 2.5, 5, 10].find((candidate) => value <= candidate * power * (1 + 1e-9));
+  return (step ?? 10) * power;
+}
+
+/** Heights of the horizontal lines: from 0 up to at least `highest`. */
+export function ticksUpTo(highest: number): number[] {
+  const step = niceCeiling(highest / TICK_COUNT);
+  const steps = Math.max(1, Math.ceil(highest / step - 1e-9));
+  return Array.from({ length: steps + 1 }, (_, i) => Number((i * step).toPrecision(12)));
+}
+
+export class Plot {
+  private samples: PlotSample[] = [];
+  private scheduled = false;
+  private readonly colors: { previous: string; current: string; grid: string; text: string };
+
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    const style = getComputedStyle(document.documentElement);
+    const color = (name: string) => style.getPropertyValue(name).trim();
+    this.colors = {
+      previous: color("--previous"),
+      current: color("--current"),
+      grid: color("--line"),
+      text: color("--muted"),
+    };
+    new ResizeObserver(() => this.schedule()).observe(canvas);
+  }
+
+  add(sample: PlotSample): void {
+    this.samples.push(sample);
+    if (this.samples.length > PLOT_FRAMES) this.samples.shift();
+    this.schedule();
+  }
+
+  clear(): void {
+    this.samples = [];
+    this.schedule();
+  }
+
+  /** At most one drawing per screen refresh. */
+  private schedule(): void {
+    if (this.scheduled) return;
+    this.scheduled = true;
+    requestAnimationFrame(() => {
+      this.scheduled = false;
+      this.draw();
+    });
+  }
+
+  private draw(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const context = this.canvas.getContext("2d");
+    if (context === null || width === 0) return;
+    const ratio = window.devicePixelRatio;
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    context.scale(ratio, ratio);
+    const values = this.samples.flatMap((sample) =>
+      [sample.previous, sample.current].filter((value) => value !== null),
+    );
+    const ticks = ticksUpTo(Math.max(0, ...values));
+    const area = {
+      left: MARGIN.left,
+      right: width - MARGIN.right,
+      top: MARGIN.top,
+      bottom: height - MARGIN.bottom,
+    };
+    const yOf = (value: number) =>
+      area.bottom - (value / (ticks.at(-1) ?? 1)) * (area.bottom - area.top);
+    this.drawAxes(context, area, ticks, yOf);
+    // The newest frame is at the right edge from the first one on.
+    const step = (area.right - area.left) / (PLOT_FRAMES - 1);
+    const xOf = (index: number) => area.right - (this.samples.length - 1 - index) * step;
+    for (const series of ["previous", "current"] as const) {
+      this.drawLine(context, series, xOf, yOf);
+    }
+  }
+
+  private drawAxes(
+    context: CanvasRenderingContext2D,
+    area: { left: number; right: number; bottom: number },
+    ticks: number[],
+    yOf: (value: number) => number,
+  ): void {
+    context.font = "11px system-ui, sans-serif";
+    context.fillStyle = this.colors.text;
+    context.strokeStyle = this.colors.grid;
+    context.lineWidth = 1;
+    context.textBaseline = "middle";
+    context.textAlign = "right";
+    for (const tick of ticks) {
+      const y = Math.round(yOf(tick)) + 0.5;
+      context.beginPath();
+      context.moveTo(area.left, y);
+      context.lineTo(area.right, y);
+      context.stroke();
+      context.fillText(`${Number(tick.toPrecision(3))} %`, area.left - 6, y);
+    }
+    const seq = this.samples.at(-1)?.seq ?? null;
+    context.textBaseline = "alphabetic";
+    context.fillText(seq === null ? "now" : `frame ${seq}`, area.right, area.bottom + 14);
+    context.textAlign = "left";
+    context.fillText(`−${PLOT_FRAMES} frames`, area.left, area.bottom + 14);
+  }
+
+  /** One line, interrupted where a frame has no value. */
+  private drawLine(
+    context: CanvasRenderingContext2D,
+    series: "previous" | "current",
+    xOf: (index: number) => number,
+    yOf: (value: number) => number,
+  ): void {
+    context.beginPath();
+    let last: { x: number; y: number } | null = null;
+    this.samples.forEach((sample, index) => {
+      const value = sample[series];
+      if (value === null) {
+        last = null;
+        return;
+      }
+      const point = { x: xOf(index), y: yOf(value) };
+      if (last === null) context.moveTo(point.x, point.y);
+      else context.lineTo(point.x, point.y);
+      last = point;
+    });
+    context.strokeStyle = context.fillStyle = this.colors[series];
+    context.lineWidth = 1.75;
+    context.lineJoin = "round";
+    context.stroke();
+    if (last === null) return;
+    const { x, y }: { x: number; y: number } = last;
+    context.beginPath();
+    context.arc(x, y, 2.5, 0, 2 * Math.PI);
+    context.fill();
+  }
+}
