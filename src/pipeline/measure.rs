@@ -20,10 +20,14 @@ pub(super) fn add_distances(
     let to_previous = registered.and_then(|mesh| to_mesh(output, mesh));
     let (previous_surface, previous_vertices) = to_previous.unzip();
     if let Some((surface, vertices)) = to_mesh(output, current) {
-        metrics.surface_distance =
-            Some(DistancePair { previous: previous_surface, current: surface });
-        metrics.vertex_distance =
-            Some(DistancePair { previous: previous_vertices, current: vertices });
+        metrics.surface_distance = Some(DistancePair {
+            previous: previous_surface,
+            current: surface,
+        });
+        metrics.vertex_distance = Some(DistancePair {
+            previous: previous_vertices,
+            current: vertices,
+        });
     }
     metrics.current_to_output = TriangleTree::new(output)
         .map(|tree| statistics(&surface_distances(current.positions(), &tree)));
@@ -56,7 +60,22 @@ pub(super) fn registration(registration: &Registration) -> metrics::Registration
 }
 
 fn statistics(distances: &[f64]) -> Statistics {
-    let DistanceStatistics { count, mean, variance, std, mse, rmse, max } =
-        DistanceStatistics::of(distances);
-    Statistics { mean, variance, std, mse, rmse, max, count }
+    let DistanceStatistics {
+        count,
+        mean,
+        variance,
+        std,
+        mse,
+        rmse,
+        max,
+    } = DistanceStatistics::of(distances);
+    Statistics {
+        mean,
+        variance,
+        std,
+        mse,
+        rmse,
+        max,
+        count,
+    }
 }

@@ -62,7 +62,10 @@ impl PreparedFrame {
         observer.ended(Stage::Repair);
         let (faces, mesh, report) = (repaired.mesh.face_count(), repaired.mesh, repaired.report);
         if faces < MIN_FACES {
-            return Err(UnusableFrame::TooFewFaces { faces, received: received.face_count() });
+            return Err(UnusableFrame::TooFewFaces {
+                faces,
+                received: received.face_count(),
+            });
         }
         let input = Input {
             vertices: received.vertex_count(),
@@ -73,7 +76,11 @@ impl PreparedFrame {
             non_manifold_edges: report.non_manifold_edges,
             unreferenced_vertices: report.unreferenced_vertices,
         };
-        Ok(Self { bounds: mesh.bounding_box(), mesh, input })
+        Ok(Self {
+            bounds: mesh.bounding_box(),
+            mesh,
+            input,
+        })
     }
 
     /// The repaired mesh.

@@ -83,7 +83,12 @@ pub fn process(
         measure::add_distances(&mut metrics, &mesh, current.mesh(), registered.as_ref());
     }
     observer.ended(Stage::Measure);
-    Ok(ProcessedFrame { metrics, draco, mesh, registered })
+    Ok(ProcessedFrame {
+        metrics,
+        draco,
+        mesh,
+        registered,
+    })
 }
 
 /// The registered previous frame; what there is to say of it goes into `metrics`.
@@ -121,8 +126,11 @@ fn encode(
     mesh: &TriangleMesh,
     settings: &Settings,
 ) -> Result<(Vec<u8>, TriangleMesh), ProcessFailed> {
-    let positions: Vec<[f32; 3]> =
-        mesh.positions().iter().map(|p| p.coords.map(|c| c as f32).into()).collect();
+    let positions: Vec<[f32; 3]> = mesh
+        .positions()
+        .iter()
+        .map(|p| p.coords.map(|c| c as f32).into())
+        .collect();
     let view = MeshView {
         positions: &positions,
         faces: mesh.faces(),
@@ -138,6 +146,10 @@ fn encode(
         max_memory_bytes: usize::MAX,
     };
     let decoded = steadymesh_draco::decode(&bytes, &limits)?;
-    let positions = decoded.positions.iter().map(|p| Point::from(p.map(f64::from))).collect();
+    let positions = decoded
+        .positions
+        .iter()
+        .map(|p| Point::from(p.map(f64::from)))
+        .collect();
     Ok((bytes, TriangleMesh::new(positions, decoded.faces)?))
 }

@@ -18,7 +18,10 @@ pub enum TargetSize {
 #[non_exhaustive]
 pub enum InvalidSettings {
     /// A closed surface has at least four faces.
-    #[error("target_faces is {found}: it must be from {} to {limit}", super::MIN_FACES)]
+    #[error(
+        "target_faces is {found}: it must be from {} to {limit}",
+        super::MIN_FACES
+    )]
     TargetFaces {
         /// What was asked for.
         found: usize,
@@ -42,7 +45,10 @@ impl TargetSize {
     pub fn check(self, max_faces: usize) -> Result<Self, InvalidSettings> {
         match self {
             Self::Faces(found) if !(super::MIN_FACES..=max_faces).contains(&found) => {
-                Err(InvalidSettings::TargetFaces { found, limit: max_faces })
+                Err(InvalidSettings::TargetFaces {
+                    found,
+                    limit: max_faces,
+                })
             }
             // A NaN is not above 0 either.
             Self::Ratio(found) if !(0.0 < found && found <= 1.0) => {

@@ -4,20 +4,31 @@ use steadymesh_synthetic_rig as rig;
 use super::*;
 
 fn frames(count: u64) -> Vec<PreparedFrame> {
-    let options = rig::Options { vertex_count: 3000, ..rig::Options::default() };
+    let options = rig::Options {
+        vertex_count: 3000,
+        ..rig::Options::default()
+    };
     let rig = rig::Rig::new(&options).unwrap();
     (0..count)
         .map(|index| {
             let frame = rig.frame(index);
             let positions = frame.positions.iter().map(|p| p.map(f64::from)).collect();
-            let raw = RawFrame { positions, faces: frame.faces, byte_count: 0 };
+            let raw = RawFrame {
+                positions,
+                faces: frame.faces,
+                byte_count: 0,
+            };
             PreparedFrame::new(raw, &mut ()).unwrap()
         })
         .collect()
 }
 
 fn settings(tracking: Tracking) -> Settings {
-    Settings { target: TargetSize::Faces(600), tracking, ..Settings::default() }
+    Settings {
+        target: TargetSize::Faces(600),
+        tracking,
+        ..Settings::default()
+    }
 }
 
 #[test]
@@ -33,22 +44,49 @@ fn a_first_frame_has_no_reference_and_the_asked_number_of_faces() {
 #[test]
 fn tracking_brings_the_result_closer_to_the_registered_previous_frame() {
     let frames = frames(2);
-    let paper = process(&frames[1], Some(&frames[0]), &settings(Tracking::Paper), &mut ()).unwrap();
+    let paper = process(
+        &frames[1],
+        Some(&frames[0]),
+        &settings(Tracking::Paper),
+        &mut (),
+    )
+    .unwrap();
     let registered = paper.registered.unwrap();
-    let to_previous = paper.metrics.surface_distance.unwrap().previous.unwrap().mean;
+    let to_previous = paper
+        .metrics
+        .surface_distance
+        .unwrap()
+        .previous
+        .unwrap()
+        .mean;
 
     let off = process(&frames[1], None, &settings(Tracking::Off), &mut ()).unwrap();
     let mut untracked = off.metrics.clone();
-    measure::add_distances(&mut untracked, &off.mesh, frames[1].mesh(), Some(&registered));
+    measure::add_distances(
+        &mut untracked,
+        &off.mesh,
+        frames[1].mesh(),
+        Some(&registered),
+    );
     let off_to_previous = untracked.surface_distance.unwrap().previous.unwrap().mean;
-    assert!(to_previous < off_to_previous, "{to_previous} {off_to_previous}");
+    assert!(
+        to_previous < off_to_previous,
+        "{to_previous} {off_to_previous}"
+    );
 }
 
 #[test]
 fn equal_inputs_give_equal_bytes() {
     let frames = frames(2);
     let run = || {
-        process(&frames[1], Some(&frames[0]), &settings(Tracking::Paper), &mut ()).unwrap().draco
+        process(
+            &frames[1],
+            Some(&frames[0]),
+            &settings(Tracking::Paper),
+            &mut (),
+        )
+        .unwrap()
+        .draco
     };
     assert_eq!(run(), run());
 }
@@ -63,7 +101,15 @@ fn every_stage_is_reported_once_and_in_order() {
     }
     let mut record = Record(vec![]);
     process(&frames(1)[0], None, &settings(Tracking::Off), &mut record).unwrap();
-    assert_eq!(record.0, [Stage::Register, Stage::Simplify, Stage::Encode, Stage::Measure]);
+    assert_eq!(
+        record.0,
+        [
+            Stage::Register,
+            Stage::Simplify,
+            Stage::Encode,
+            Stage::Measure
+        ]
+    );
 }
 
 #[test]
@@ -74,13 +120,25 @@ fn a_single_triangle_is_refused_with_the_reason() {
         byte_count: 0,
     };
     let error = PreparedFrame::new(raw, &mut ()).unwrap_err();
-    assert_eq!(error, UnusableFrame::TooFewFaces { faces: 1, received: 1 });
+    assert_eq!(
+        error,
+        UnusableFrame::TooFewFaces {
+            faces: 1,
+            received: 1
+        }
+    );
 }
 
 #[test]
 fn a_huge_target_is_refused_by_its_limit() {
     let error = TargetSize::Faces(usize::MAX).check(4_000_000).unwrap_err();
-    assert_eq!(error, InvalidSettings::TargetFaces { found: usize::MAX, limit: 4_000_000 });
+    assert_eq!(
+        error,
+        InvalidSettings::TargetFaces {
+            found: usize::MAX,
+            limit: 4_000_000
+        }
+    );
     assert!(TargetSize::Ratio(f64::NAN).check(4_000_000).is_err());
     assert!(TargetSize::Faces(4000).check(4_000_000).is_ok());
 }

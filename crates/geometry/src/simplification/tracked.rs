@@ -38,19 +38,25 @@ impl Reference {
     /// that is near both counts twice (Eq. 11 to 13). The barycenter is the mean of both
     /// neighborhoods' means (Eq. 16), or that of the only one that is not empty.
     pub fn around_edge(&self, v1: &Point, v2: &Point) -> Tracked {
-        let radius = (v2 - v1).norm();
+        let square = (v2 - v1).norm_squared();
+        let middle = nalgebra::center(v1, v2);
         let mut quadric = Quadric::default();
-        let mut means = [v1, v2].map(|endpoint| {
-            let mut sum = nalgebra::Vector3::zeros();
-            let mut count = 0usize;
-            self.tree.visit_within(endpoint, radius, |index, _| {
-                quadric += self.quadrics[index as usize];
-                sum += self.positions[index as usize].coords;
-                count += 1;
-            });
-            (0 < count).then(|| Point::from(sum / count as f64))
+        let mut sums = [(nalgebra::Vector3::zeros(), 0usize); 2];
+        // One search around the middle finds both neighborhoods; the margin is for rounding.
+        let reach = 1.5 * square.sqrt() * (1.0 + 1e-9);
+        self.tree.visit_within(&middle, reach, |index| {
+            let position = self.positions[index as usize];
+            for (endpoint, (sum, count)) in [v1, v2].into_iter().zip(&mut sums) {
+                if (position - endpoint).norm_squared() < square {
+                    quadric += self.quadrics[index as usize];
+                    *sum += position.coords;
+                    *count += 1;
+                }
+            }
         });
-        let barycenter = match (means[0].take(), means[1].take()) {
+        let [first, second] =
+            sums.map(|(sum, count)| (0 < count).then(|| Point::from(sum / count as f64)));
+        let barycenter = match (first, second) {
             (Some(first), Some(second)) => Some(nalgebra::center(&first, &second)),
             (one, other) => one.or(other),
         };

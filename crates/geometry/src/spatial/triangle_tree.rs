@@ -67,7 +67,7 @@ impl TriangleTree {
             .iter()
             .map(|t| grown_box(t, &origin, scale))
             .collect();
-        let mut params = BvhBuildParams::very_fast_build();
+        let mut params = BvhBuildParams::fast_build();
         params.pre_split = false;
         // The builder reports its own build time, which nobody here asks for.
         let hierarchy = build_bvh2(&boxes, params, &mut Duration::default());

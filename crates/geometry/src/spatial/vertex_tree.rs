@@ -41,16 +41,16 @@ impl VertexTree {
         (nearest.item, nearest.distance.sqrt())
     }
 
-    /// Calls `visit` with the index and the distance of every point closer to `query` than
-    /// `radius` (strictly), in an order that depends only on the points.
-    pub fn visit_within(&self, query: &Point, radius: f64, mut visit: impl FnMut(u32, f64)) {
+    /// Calls `visit` with the index of every point closer to `query` than `radius` (strictly), in
+    /// an order that depends only on the points.
+    pub fn visit_within(&self, query: &Point, radius: f64, mut visit: impl FnMut(u32)) {
         let query: [f64; 3] = query.coords.into();
         self.tree
             .query(&query)
             .within::<SquaredEuclidean<f64>>(radius * radius)
             .exclusive_boundaries()
             .unsorted()
-            .visit(|found| visit(found.item, found.distance.sqrt()));
+            .visit(|found| visit(found.item));
     }
 }
 
@@ -63,7 +63,7 @@ mod tests {
         let tree = VertexTree::new(&[Point::origin(), Point::new(3.0, 4.0, 0.0)]).unwrap();
         let within = |radius| {
             let mut found = vec![];
-            tree.visit_within(&Point::origin(), radius, |index, _| found.push(index));
+            tree.visit_within(&Point::origin(), radius, |index| found.push(index));
             found.sort_unstable();
             found
         };
