@@ -1,3 +1,7 @@
-//! The `steadymesh` command. Its subcommands come with the server.
+//! The `steadymesh` command.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    steadymesh::cli::run()
+}

@@ -14,6 +14,7 @@
 
 mod compact;
 mod decode;
+mod decoded;
 mod encode;
 mod header;
 mod mesh;

@@ -1,5 +1,7 @@
 //! What comes back after encoding: checked against the mesh that went in.
 
+#![allow(clippy::unwrap_used, reason = "this is test code")]
+
 use proptest::prelude::*;
 use steadymesh_draco::{
     AttributeIds, DecodeError, DecodeLimits, DecodedMesh, EncodeError, EncodeOptions, decode,

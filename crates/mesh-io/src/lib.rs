@@ -1,1 +1,55 @@
-//! Placeholder.
+//! Bytes to triangle meshes and back, over slices: never opens a file.
+//!
+//! [`sniff`] tells a format from its bytes and [`read`] parses it into a [`Mesh`]
+//! that is known to be usable: at least one vertex and one face, every coordinate
+//! finite and within the range of a 32-bit float, every index in range. Nothing is
+//! repaired: duplicate vertices and degenerate faces stay.
+//!
+//! One module per format: [`obj`], [`ply`], [`glb`] and [`drc`]. All of them take
+//! hostile bytes: no count is believed before it is compared with what is there.
+//!
+//! Positions are `f64` because text and PLY doubles hold that much; lengths are in
+//! the mesh's own unit.
+
+mod check;
+mod cursor;
+pub mod drc;
+mod error;
+mod format;
+pub mod glb;
+mod mesh;
+pub mod obj;
+mod per_vertex;
+pub mod ply;
+mod sniff;
+
+pub use error::ReadError;
+pub use format::Format;
+pub use mesh::{Attribute, Mesh};
+pub use sniff::sniff;
+
+/// How large a mesh may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Most vertices.
+    pub max_vertices: usize,
+    /// Most faces, after polygons are cut into triangles.
+    pub max_faces: usize,
+    /// Most bytes that a Draco decoder may hold at once.
+    pub max_memory_bytes: usize,
+}
+
+/// Reads `bytes` as `format`.
+///
+/// # Errors
+///
+/// [`ReadError::LimitExceeded`] or [`ReadError::OutOfMemory`] if the mesh is too
+/// large, any other [`ReadError`] if the bytes are not a usable mesh.
+pub fn read(bytes: &[u8], format: Format, limits: &Limits) -> Result<Mesh, ReadError> {
+    match format {
+        Format::Obj => obj::read(bytes, limits),
+        Format::Ply => ply::read(bytes, limits),
+        Format::Glb => glb::read(bytes, limits),
+        Format::Drc => drc::read(bytes, limits),
+    }
+}

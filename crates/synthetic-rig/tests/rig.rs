@@ -1,5 +1,10 @@
 //! What a user of the rig relies on: closed manifolds, the asked-for number of
 //! vertices, reproducible bits and a motion that is known.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it measured"
+)]
 
 use std::collections::BTreeMap;
 

@@ -1,0 +1,140 @@
+//! Why bytes are not a usable mesh.
+
+use steadymesh_draco::DecodeError;
+
+/// Why bytes are not a usable mesh. Vertices and faces are counted from 0, lines from 1.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// There is nothing to read.
+    #[error("the body is empty; send a mesh file")]
+    EmptyBody,
+    /// More vertices or faces than allowed.
+    #[error("the mesh has {found} {what}; the limit is {limit}")]
+    LimitExceeded {
+        /// `vertices` or `faces`.
+        what: &'static str,
+        /// How many there are, as far as was counted.
+        found: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A decoder needs more memory than allowed.
+    #[error("decoding the mesh needs more memory than the limit of {limit} bytes")]
+    OutOfMemory {
+        /// [`Limits::max_memory_bytes`](crate::Limits::max_memory_bytes).
+        limit: usize,
+    },
+    /// No vertices at all.
+    #[error("the {format} file has no vertices; a mesh needs at least three")]
+    NoVertices {
+        /// The format's usual name.
+        format: &'static str,
+    },
+    /// Vertices, but no faces.
+    #[error(
+        "the {format} file has {vertices} vertices but no faces; point clouds and line sets \
+         cannot be used, send triangles or polygons"
+    )]
+    NoFaces {
+        /// The format's usual name.
+        format: &'static str,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// An infinite or undefined number.
+    #[error("{}{what} {index} is not finite", on_line(*.line))]
+    NotFinite {
+        /// `vertex` for positions, or `texture coordinate`.
+        what: &'static str,
+        /// Its index.
+        index: usize,
+        /// The line in a text format.
+        line: Option<usize>,
+    },
+    /// A coordinate so large that a 32-bit float cannot hold the mesh's extent.
+    #[error(
+        "{}vertex {vertex} has the coordinate {value:e}, which is beyond the range of 32-bit \
+         floats; choose a larger unit",
+        on_line(*.line)
+    )]
+    CoordinateTooLarge {
+        /// The index of the vertex.
+        vertex: usize,
+        /// The coordinate.
+        value: f64,
+        /// The line in a text format.
+        line: Option<usize>,
+    },
+    /// A face refers to something that is not there.
+    #[error(
+        "{}face {face} refers to {what} {index}, but there are {count} {}",
+        on_line(*.line),
+        plural(.what)
+    )]
+    IndexOutOfRange {
+        /// The index of the face.
+        face: usize,
+        /// `vertex`, `texture coordinate` or `normal`.
+        what: &'static str,
+        /// The index as the file gives it: from 1 in OBJ, from 0 elsewhere.
+        index: i64,
+        /// How many there are.
+        count: usize,
+        /// The line in a text format.
+        line: Option<usize>,
+    },
+    /// A line of an OBJ file does not make sense.
+    #[error("line {line}: {message}")]
+    Obj {
+        /// The line.
+        line: usize,
+        /// What is wrong.
+        message: String,
+    },
+    /// A PLY file does not make sense.
+    #[error("PLY: {message}")]
+    Ply {
+        /// What is wrong and where.
+        message: String,
+    },
+    /// A GLB file does not make sense or needs what is not supported.
+    #[error("GLB: {message}")]
+    Glb {
+        /// What is wrong and where.
+        message: String,
+    },
+    /// Draco data cannot be decoded.
+    #[error(transparent)]
+    Draco(DecodeError),
+}
+
+impl From<DecodeError> for ReadError {
+    fn from(error: DecodeError) -> Self {
+        match error {
+            DecodeError::LimitExceeded { what, found, limit } => {
+                Self::LimitExceeded { what, found, limit }
+            }
+            DecodeError::OutOfMemory { limit } => Self::OutOfMemory { limit },
+            DecodeError::Empty { vertices: 0, .. } => Self::NoVertices { format: "Draco" },
+            DecodeError::Empty { vertices, .. } => Self::NoFaces {
+                format: "Draco",
+                vertices,
+            },
+            other => Self::Draco(other),
+        }
+    }
+}
+
+fn on_line(line: Option<usize>) -> String {
+    line.map(|line| format!("line {line}: "))
+        .unwrap_or_default()
+}
+
+fn plural(what: &str) -> String {
+    if what == "vertex" {
+        "vertices".to_owned()
+    } else {
+        format!("{what}s")
+    }
+}

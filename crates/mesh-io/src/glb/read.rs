@@ -1,0 +1,204 @@
+//! GLB bytes to one mesh.
+
+use super::accessor::Source;
+use super::document::{self, MeshEntry, entry};
+use super::primitive::{self, Mode, Room, Vertices};
+use super::transform::Transform;
+use super::{container, malformed, scene};
+use crate::{Attribute, Limits, Mesh, ReadError, check};
+use std::collections::BTreeMap;
+
+/// Reads the triangles of a GLB file's default scene as one mesh.
+///
+/// Meshes are put where their nodes place them (mirrored ones with their winding
+/// turned) and appended in the order of the hierarchy; primitives of one mesh that
+/// share their attributes share vertices. `NORMAL`, `COLOR_0` and `TEXCOORD_0` are
+/// kept if every primitive has them. Points, lines, skins, morph targets, materials
+/// and cameras are ignored.
+///
+/// # Errors
+///
+/// See [`ReadError`].
+pub fn read(bytes: &[u8], limits: &Limits) -> Result<Mesh, ReadError> {
+    if bytes.is_empty() {
+        return Err(ReadError::EmptyBody);
+    }
+    let container = container::split(bytes)?;
+    let document = document::parse(container.json)?;
+    let source = Source {
+        document: &document,
+        bin: container.bin,
+    };
+    let mut builder = Builder::new(limits);
+    for instance in scene::instances(&document)? {
+        let mesh = entry(&document.meshes, instance.mesh, "mesh")?;
+        builder.add_mesh(&source, mesh, &instance.world_from_local)?;
+    }
+    builder.finish()
+}
+
+/// What has been done so far: nodes can show one mesh many times, so a small file
+/// could ask for endless work.
+#[derive(Default)]
+struct Work {
+    primitives: usize,
+    /// Triangles, the degenerate ones of strips included.
+    faces: usize,
+    draco_bytes: usize,
+}
+
+impl Work {
+    fn count_primitive(&mut self) -> Result<(), ReadError> {
+        const MOST: usize = 1 << 17;
+        self.primitives += 1;
+        if self.primitives > MOST {
+            return Err(malformed(format!(
+                "the scene shows more than {MOST} primitives"
+            )));
+        }
+        Ok(())
+    }
+
+    fn count_draco(&mut self, length: usize, bin_length: usize) -> Result<(), ReadError> {
+        const MOST_TIMES: usize = 64;
+        self.draco_bytes = self.draco_bytes.saturating_add(length);
+        if self.draco_bytes > bin_length.saturating_mul(MOST_TIMES) {
+            return Err(malformed(format!(
+                "the scene shows its Draco meshes more than {MOST_TIMES} times"
+            )));
+        }
+        Ok(())
+    }
+}
+
+struct Builder<'a> {
+    limits: &'a Limits,
+    work: Work,
+    positions: Vec<[f64; 3]>,
+    faces: Vec<[u32; 3]>,
+    /// `None` once vertices came without.
+    normals: Option<Vec<[f32; 3]>>,
+    colors: Option<Vec<[u8; 4]>>,
+    coordinates: Option<Vec<[f32; 2]>>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(limits: &'a Limits) -> Self {
+        Self {
+            limits,
+            work: Work::default(),
+            positions: Vec::new(),
+            faces: Vec::new(),
+            normals: Some(Vec::new()),
+            colors: Some(Vec::new()),
+            coordinates: Some(Vec::new()),
+        }
+    }
+
+    fn add_mesh(
+        &mut self,
+        source: &Source<'_>,
+        mesh: &MeshEntry,
+        world_from_local: &Transform,
+    ) -> Result<(), ReadError> {
+        // First vertex and number of vertices of the attributes that were added.
+        let mut shared: BTreeMap<[Option<usize>; 4], (usize, usize)> = BTreeMap::new();
+        for primitive in &mesh.primitives.0 {
+            self.work.count_primitive()?;
+            let Some(mode) = Mode::of(primitive)? else {
+                continue;
+            };
+            if let Some(draco) = &primitive.extensions.draco {
+                let length = source.view(draco.buffer_view)?.0.len();
+                self.work.count_draco(length, source.bin.len())?;
+                let (vertices, faces) =
+                    primitive::decompress(source, primitive, draco, self.room())?;
+                let (first, _) = self.add_vertices(vertices, world_from_local);
+                self.work.faces += faces.len();
+                self.add_faces(&faces, first, world_from_local);
+                continue;
+            }
+            let key = primitive::vertex_key(primitive);
+            let (first, count) = match shared.get(&key) {
+                Some(&place) => place,
+                None => {
+                    let vertices = primitive::vertices(source, primitive, self.room())?;
+                    let place = self.add_vertices(vertices, world_from_local);
+                    shared.insert(key, place);
+                    place
+                }
+            };
+            let (faces, face_count) =
+                primitive::faces(source, primitive, (mode, count), self.room())?;
+            self.work.faces += face_count;
+            self.add_faces(&faces, first, world_from_local);
+        }
+        Ok(())
+    }
+
+    fn room(&self) -> Room<'a> {
+        Room {
+            limits: self.limits,
+            used_vertices: self.positions.len(),
+            used_faces: self.work.faces,
+        }
+    }
+
+    fn add_vertices(&mut self, vertices: Vertices, transform: &Transform) -> (usize, usize) {
+        let place = (self.positions.len(), vertices.positions.len());
+        self.positions
+            .extend(vertices.positions.iter().map(|&p| transform.point(p)));
+        let normals = vertices.normals.map(|all| {
+            all.into_iter()
+                .map(|normal| transform.normal(normal))
+                .collect()
+        });
+        append(&mut self.normals, normals);
+        append(&mut self.colors, vertices.colors);
+        append(&mut self.coordinates, vertices.coordinates);
+        place
+    }
+
+    fn add_faces(&mut self, faces: &[[u32; 3]], first: usize, transform: &Transform) {
+        // The vertex limit, which was checked, is within 32 bits.
+        let first = u32::try_from(first).unwrap_or(u32::MAX);
+        let is_mirrored = transform.is_mirrored();
+        self.faces.extend(faces.iter().map(|face| {
+            let [a, b, c] = face.map(|index| index.saturating_add(first));
+            if is_mirrored { [a, c, b] } else { [a, b, c] }
+        }));
+    }
+
+    fn finish(mut self) -> Result<Mesh, ReadError> {
+        if self.positions.is_empty() {
+            return Err(ReadError::NoVertices { format: "GLB" });
+        }
+        if self.faces.is_empty() {
+            return Err(ReadError::NoFaces {
+                format: "GLB",
+                vertices: self.positions.len(),
+            });
+        }
+        check::positions(&self.positions)?;
+        if let Some(normals) = &mut self.normals {
+            check::clean_normals(normals);
+        }
+        if let Some(coordinates) = &self.coordinates {
+            check::texture_coordinates(coordinates)?;
+        }
+        Ok(Mesh {
+            positions: self.positions,
+            faces: self.faces,
+            normals: self.normals.map(Attribute::per_vertex),
+            colors: self.colors.map(Attribute::per_vertex),
+            texture_coordinates: self.coordinates.map(Attribute::per_vertex),
+        })
+    }
+}
+
+fn append<T>(all: &mut Option<Vec<T>>, more: Option<Vec<T>>) {
+    match (all.as_mut(), more) {
+        (Some(all), Some(more)) => all.extend(more),
+        _ => *all = None,
+    }
+}

@@ -1,0 +1,123 @@
+//! A Draco file inside a GLB file.
+
+use super::container;
+use super::write::bounds;
+use serde_json::{Map, Value, json};
+use steadymesh_draco::Encoded;
+
+/// What glTF says about a Draco mesh outside of its bytes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DracoInfo {
+    /// Draco unique id of the positions.
+    pub position_id: u32,
+    /// Draco unique id of 32-bit float normals.
+    pub normal_id: Option<u32>,
+    /// Draco unique id of 8-bit RGBA colors.
+    pub color_id: Option<u32>,
+    /// Draco unique id of 32-bit float texture coordinates.
+    pub texture_coordinate_id: Option<u32>,
+    /// Vertices that a decoder returns (Draco's points).
+    pub vertex_count: usize,
+    /// Faces that a decoder returns.
+    pub face_count: usize,
+    /// Smallest coordinate on each axis.
+    pub min: [f32; 3],
+    /// Largest coordinate on each axis.
+    pub max: [f32; 3],
+}
+
+impl DracoInfo {
+    /// Describes what the encoder returned for these positions.
+    #[must_use]
+    pub fn of(encoded: &Encoded, positions: &[[f32; 3]]) -> Self {
+        let (min, max) = bounds(positions);
+        Self {
+            position_id: encoded.ids.position,
+            normal_id: encoded.ids.normal,
+            color_id: encoded.ids.color,
+            texture_coordinate_id: encoded.ids.texture_coordinate,
+            vertex_count: encoded.point_count,
+            face_count: encoded.face_count,
+            min,
+            max,
+        }
+    }
+}
+
+/// Wraps a Draco file into a GLB file with `KHR_draco_mesh_compression`, without
+/// decoding or copying more than its bytes.
+#[must_use]
+pub fn wrap_draco(drc: &[u8], info: &DracoInfo) -> Vec<u8> {
+    let count = info.vertex_count;
+    let described = [
+        (
+            "POSITION",
+            Some(info.position_id),
+            json!({
+                "componentType": 5126, "count": count, "type": "VEC3",
+                "min": info.min, "max": info.max,
+            }),
+        ),
+        (
+            "NORMAL",
+            info.normal_id,
+            json!({
+                "componentType": 5126, "count": count, "type": "VEC3",
+            }),
+        ),
+        (
+            "COLOR_0",
+            info.color_id,
+            json!({
+                "componentType": 5121, "normalized": true, "count": count, "type": "VEC4",
+            }),
+        ),
+        (
+            "TEXCOORD_0",
+            info.texture_coordinate_id,
+            json!({
+                "componentType": 5126, "count": count, "type": "VEC2",
+            }),
+        ),
+    ];
+    let mut accessors = vec![json!({
+        "componentType": 5125, "count": 3 * info.face_count, "type": "SCALAR",
+    })];
+    let (mut attributes, mut ids) = (Map::new(), Map::new());
+    for (name, id, accessor) in described {
+        if let Some(id) = id {
+            attributes.insert(name.to_owned(), accessors.len().into());
+            ids.insert(name.to_owned(), id.into());
+            accessors.push(accessor);
+        }
+    }
+    let document = document(drc.len(), &accessors, &attributes, &ids);
+    container::join(document.to_string().as_bytes(), drc)
+}
+
+fn document(
+    byte_length: usize,
+    accessors: &[Value],
+    attributes: &Map<String, Value>,
+    ids: &Map<String, Value>,
+) -> Value {
+    const EXTENSION: &str = "KHR_draco_mesh_compression";
+    json!({
+        "asset": { "version": "2.0", "generator": "steadymesh" },
+        "extensionsUsed": [EXTENSION],
+        "extensionsRequired": [EXTENSION],
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{
+            "primitives": [{
+                "attributes": attributes,
+                "indices": 0,
+                "extensions": { EXTENSION: { "bufferView": 0, "attributes": ids } },
+            }],
+        }],
+        "accessors": accessors,
+        "bufferViews": [{ "buffer": 0, "byteOffset": 0, "byteLength": byte_length }],
+        "buffers": [{ "byteLength": byte_length }],
+    })
+}

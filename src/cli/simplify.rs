@@ -1,0 +1,246 @@
+//! `steadymesh simplify`: a sequence of frame files, smaller.
+
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use steadymesh_mesh_io::{glb, obj, ply};
+use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::metrics::Tracking;
+
+use crate::pipeline::{PreparedFrame, ProcessedFrame, Settings, TargetSize, process};
+
+use super::frame_files::{expand, read_frame, to_file_mesh};
+use super::stopwatch::Stopwatch;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Frame files or folders of them: one sequence, folders in natural order.
+    #[arg(required = true)]
+    paths: Vec<PathBuf>,
+    #[command(flatten)]
+    target: TargetArguments,
+    /// The folder for the simplified frames; made if it does not exist.
+    #[arg(long, value_name = "DIR")]
+    output: PathBuf,
+    /// The format of the simplified frames.
+    #[arg(long, value_enum, default_value_t = OutputFormat::Drc)]
+    format: OutputFormat,
+    /// Whether the previous frame takes part.
+    #[arg(long, value_enum, default_value_t = TrackingMode::Paper)]
+    tracking: TrackingMode,
+    /// Write every frame's metrics to this file, one line of JSON a frame.
+    #[arg(long, value_name = "FILE.jsonl")]
+    metrics: Option<PathBuf>,
+    /// Write the registered previous frame of every frame after the first to this folder, as PLY.
+    #[arg(long, value_name = "DIR")]
+    keep_registered: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct TargetArguments {
+    /// How many faces each frame is to have.
+    #[arg(long, value_name = "N")]
+    target_faces: Option<usize>,
+    /// Which share of its faces each frame is to keep, above 0 and at most 1.
+    #[arg(long, value_name = "R")]
+    target_ratio: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum OutputFormat {
+    Drc,
+    Glb,
+    Ply,
+    Obj,
+}
+
+impl OutputFormat {
+    fn extension(self) -> &'static str {
+        match self {
+            Self::Drc => "drc",
+            Self::Glb => "glb",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum TrackingMode {
+    /// The original QEM.
+    Off,
+    /// The formulas of the Tracked QEM paper.
+    Paper,
+}
+
+/// Runs the command.
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let settings = settings(arguments);
+    let files = expand(&arguments.paths)?;
+    let names = output_names(&files, arguments.format)?;
+    make_folder(&arguments.output)?;
+    if let Some(folder) = &arguments.keep_registered {
+        make_folder(folder)?;
+    }
+    let mut metrics_file = arguments.metrics.as_deref().map(create).transpose()?;
+    let progress = progress_bar(files.len());
+    let mut previous: Option<PreparedFrame> = None;
+    for (seq, (file, name)) in files.iter().zip(&names).enumerate() {
+        let seq = seq as u64;
+        let (current, out) = simplify_one(file, previous.as_ref(), seq, &settings)?;
+        write_frame(&arguments.output.join(name), &out, arguments.format)?;
+        if let (Some(folder), Some(registered)) = (&arguments.keep_registered, &out.registered) {
+            let path = folder.join(Path::new(name).with_extension("ply"));
+            write_file(&path, &ply::write(&to_file_mesh(registered)))?;
+        }
+        if let Some(metrics_file) = &mut metrics_file {
+            serde_json::to_writer(&mut *metrics_file, &out.metrics)?;
+            metrics_file
+                .write_all(b"\n")
+                .context("the metrics cannot be written")?;
+        }
+        warn_about(file, &out.metrics);
+        previous = Some(current);
+        progress.inc(1);
+    }
+    if let Some(mut metrics_file) = metrics_file {
+        metrics_file
+            .flush()
+            .context("the metrics cannot be written")?;
+    }
+    progress.finish();
+    Ok(())
+}
+
+fn simplify_one(
+    file: &Path,
+    previous: Option<&PreparedFrame>,
+    seq: u64,
+    settings: &Settings,
+) -> anyhow::Result<(PreparedFrame, ProcessedFrame)> {
+    let mut stopwatch = Stopwatch::start();
+    let raw = read_frame(file)?;
+    stopwatch.parsed();
+    let current =
+        PreparedFrame::new(raw, &mut stopwatch).with_context(|| file.display().to_string())?;
+    let mut out = process(&current, previous, settings, &mut stopwatch)
+        .with_context(|| file.display().to_string())?;
+    out.metrics.seq = seq;
+    out.metrics.reference_seq = out.registered.as_ref().map(|_| seq - 1);
+    (out.metrics.stage_us, out.metrics.latency_us) = stopwatch.finish();
+    Ok((current, out))
+}
+
+fn settings(arguments: &Arguments) -> Settings {
+    let TargetArguments {
+        target_faces,
+        target_ratio,
+    } = arguments.target;
+    // Just one of them is there: the group is required and not multiple.
+    let target = target_ratio.map_or_else(
+        || TargetSize::Faces(target_faces.unwrap_or_default()),
+        TargetSize::Ratio,
+    );
+    let target = target.check(u32::MAX as usize).unwrap_or_else(|error| {
+        use clap::CommandFactory;
+        let message = error.to_string().replace("target_", "--target-");
+        super::Cli::command()
+            .error(clap::error::ErrorKind::ValueValidation, message)
+            .exit()
+    });
+    let tracking = match arguments.tracking {
+        TrackingMode::Off => Tracking::Off,
+        TrackingMode::Paper => Tracking::Paper,
+    };
+    Settings {
+        target,
+        tracking,
+        ..Settings::default()
+    }
+}
+
+/// Output names follow input names; two inputs of one name would overwrite each other.
+fn output_names(files: &[PathBuf], format: OutputFormat) -> anyhow::Result<Vec<String>> {
+    let mut seen = std::collections::HashMap::new();
+    let mut names = Vec::with_capacity(files.len());
+    for file in files {
+        let stem = file
+            .file_stem()
+            .with_context(|| format!("{} does not name a file", file.display()))?
+            .to_string_lossy();
+        let name = format!("{stem}.{}", format.extension());
+        if let Some(first) = seen.insert(name.clone(), file) {
+            let (first, second) = (first.display(), file.display());
+            bail!("{first} and {second} would both be written to {name}: rename one of them");
+        }
+        names.push(name);
+    }
+    Ok(names)
+}
+
+fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyhow::Result<()> {
+    let encoded;
+    let bytes = match format {
+        OutputFormat::Drc => &out.draco,
+        OutputFormat::Glb => {
+            encoded = glb::write(&to_file_mesh(&out.mesh));
+            &encoded
+        }
+        OutputFormat::Ply => {
+            encoded = ply::write(&to_file_mesh(&out.mesh));
+            &encoded
+        }
+        OutputFormat::Obj => {
+            encoded = obj::write(&to_file_mesh(&out.mesh));
+            &encoded
+        }
+    };
+    write_file(path, bytes)
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    std::fs::write(path, bytes).with_context(|| format!("{} cannot be written", path.display()))
+}
+
+fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("the folder {} cannot be made", folder.display()))
+}
+
+fn create(path: &Path) -> anyhow::Result<BufWriter<File>> {
+    let file = File::create(path).with_context(|| format!("{} cannot be made", path.display()))?;
+    Ok(BufWriter::new(file))
+}
+
+/// Says what a user would want to know without having asked for metrics.
+fn warn_about(file: &Path, metrics: &FrameMetrics) {
+    let file = file.display();
+    if let Some(error) = &metrics.registration_error {
+        super::say(&format!(
+            "{file}: simplified without tracking, since {error}"
+        ));
+    }
+    if !metrics.output.target_reached {
+        let faces = metrics.output.faces;
+        super::say(&format!(
+            "{file}: {faces} faces are left, and no edge can be collapsed further"
+        ));
+    }
+}
+
+/// A bar on a terminal, and nothing anywhere else.
+fn progress_bar(frames: usize) -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(frames as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,118 @@
+//! The command line as a user meets it: files in, files out, exit codes.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it measured"
+)]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use steadymesh_mesh_io::{Mesh, obj};
+use steadymesh_synthetic_rig as rig;
+
+/// A folder of its own for a test, removed with it.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+        if path.exists() {
+            std::fs::remove_dir_all(&path).unwrap();
+        }
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        std::fs::remove_dir_all(&self.0).ok();
+    }
+}
+
+fn steadymesh(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_steadymesh"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn write_synthetic_frames(folder: &Path, count: u64) {
+    let options = rig::Options {
+        vertex_count: 2000,
+        ..rig::Options::default()
+    };
+    let rig = rig::Rig::new(&options).unwrap();
+    for index in 0..count {
+        let frame = rig.frame(index);
+        let mesh = Mesh {
+            positions: frame.positions.iter().map(|p| p.map(f64::from)).collect(),
+            faces: frame.faces,
+            normals: None,
+            colors: None,
+            texture_coordinates: None,
+        };
+        std::fs::write(folder.join(format!("frame{index}.obj")), obj::write(&mesh)).unwrap();
+    }
+}
+
+#[test]
+fn simplify_writes_frames_metrics_and_registered_frames() {
+    let folder = Folder::new("simplify_writes");
+    std::fs::create_dir(folder.0.join("in")).unwrap();
+    write_synthetic_frames(&folder.0.join("in"), 3);
+    let arguments = "simplify in --target-faces 500 --output out --metrics metrics.jsonl \
+                     --keep-registered registered";
+    let arguments: Vec<&str> = arguments.split_whitespace().collect();
+    let done = steadymesh(&arguments, &folder.0);
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    assert!(done.stdout.is_empty());
+    let metrics = std::fs::read_to_string(folder.0.join("metrics.jsonl")).unwrap();
+    for (seq, line) in metrics.lines().enumerate() {
+        let frame: serde_json::Value = serde_json::from_str(line).unwrap();
+        assert_eq!(frame["seq"], seq);
+        assert_eq!(frame["output"]["faces"], 500);
+        let drc = std::fs::read(folder.0.join(format!("out/frame{seq}.drc"))).unwrap();
+        assert_eq!(frame["output"]["bytes"], drc.len());
+        assert_eq!(
+            folder.0.join(format!("registered/frame{seq}.ply")).exists(),
+            seq != 0
+        );
+    }
+    assert_eq!(metrics.lines().count(), 3);
+}
+
+#[test]
+fn wrong_usage_is_exit_code_two_and_a_bad_file_is_one() {
+    let folder = Folder::new("exit_codes");
+    std::fs::write(folder.0.join("text.obj"), "this is not a mesh\n").unwrap();
+    let code = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split_whitespace().collect();
+        let output = steadymesh(&arguments, &folder.0);
+        assert!(!output.stderr.is_empty(), "{arguments:?} says nothing");
+        output.status.code()
+    };
+    assert_eq!(code("simplify text.obj --output out"), Some(2));
+    assert_eq!(
+        code("simplify text.obj --target-faces 0 --output out"),
+        Some(2)
+    );
+    assert_eq!(
+        code("simplify text.obj --target-ratio 2 --output out"),
+        Some(2)
+    );
+    assert_eq!(
+        code("simplify text.obj --target-faces 100 --output out"),
+        Some(1)
+    );
+    assert_eq!(
+        code("simplify missing.obj --target-faces 100 --output out"),
+        Some(1)
+    );
+}
