@@ -67,8 +67,8 @@ Indices FillMesh(const SteadymeshDracoInput &input, draco::Mesh *mesh) {
 void SetOptions(const SteadymeshDracoInput &input, const Indices &indices,
                 draco::ExpertEncoder *encoder) {
   encoder->SetSpeedOptions(input.speed, input.speed);
-  encoder->SetEncodingMethod(input.speed < 10 ? draco::MESH_EDGEBREAKER_ENCODING
-                                              : draco::MESH_SEQUENTIAL_ENCODING);
+  encoder->SetEncodingMethod(input.is_sequential != 0 ? draco::MESH_SEQUENTIAL_ENCODING
+                                                      : draco::MESH_EDGEBREAKER_ENCODING);
   encoder->SetTrackEncodedProperties(true);
   const std::pair<int32_t, int32_t> bits[] = {
       {indices.position, input.position_bits},

@@ -57,6 +57,8 @@ struct SteadymeshDracoInput {
   int32_t normal_bits;
   int32_t texture_coordinate_bits;
   int32_t speed;
+  // 1 stores connectivity as it is, 0 compresses it with EdgeBreaker.
+  int32_t is_sequential;
 };
 
 // What the encoder wrote; an id is -1 where the attribute is absent.

@@ -75,6 +75,8 @@ pub struct Input {
     pub texture_coordinate_bits: i32,
     /// 0 (smallest) to 10 (fastest).
     pub speed: i32,
+    /// 1 stores connectivity as it is, 0 compresses it with EdgeBreaker.
+    pub is_sequential: i32,
 }
 
 /// What the encoder wrote; an id is -1 where the attribute is absent.

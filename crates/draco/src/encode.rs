@@ -133,6 +133,11 @@ const MAX_VERTICES: usize = i32::MAX as usize;
 /// The speed from which libdraco stores connectivity without EdgeBreaker.
 const SEQUENTIAL_SPEED: u8 = 10;
 
+/// EdgeBreaker compares all edges of a vertex with each other. Above this sum of
+/// squared valences (a vertex with 22,000 faces; about 0.1 s) the connectivity is
+/// stored as at [`SEQUENTIAL_SPEED`]. Ordinary meshes have 40 per vertex.
+const MAX_VALENCE_WORK: u64 = 500_000_000;
+
 /// A 32-bit float has no more significant bits. libdraco's entropy coder needs
 /// memory in proportion to 2^bits (measured: 0.2 GB at 24, 3 GB at 28).
 const MAX_EFFECTIVE_BITS: u8 = 24;
@@ -141,7 +146,8 @@ const MAX_EFFECTIVE_BITS: u8 = 24;
 ///
 /// Positions that are equal are not merged: two vertices at one place stay two
 /// vertices. The mesh that comes back may still differ from `mesh` in these ways,
-/// which are EdgeBreaker's (the last does not happen at speed 10):
+/// which are EdgeBreaker's (the last does not happen at speed 10, nor where a
+/// vertex has tens of thousands of faces, for which EdgeBreaker would take seconds):
 ///
 /// - vertices and faces come back in another order, and the first corner of a
 ///   face may be another one (the winding stays);
@@ -170,15 +176,28 @@ pub fn encode_with_info(
 ) -> Result<Encoded, EncodeError> {
     check_options(options)?;
     check_mesh(mesh)?;
-    if options.speed < SEQUENTIAL_SPEED {
-        encode_checked(mesh, options)
+    if options.speed < SEQUENTIAL_SPEED && valence_work(mesh) <= MAX_VALENCE_WORK {
+        encode_checked(mesh, options, false)
     } else {
-        encode_checked(&compact::compacted(mesh).view(), options)
+        encode_checked(&compact::compacted(mesh).view(), options, true)
     }
 }
 
+/// The sum of the squares of all vertices' face counts.
+fn valence_work(mesh: &MeshView<'_>) -> u64 {
+    let mut valences = vec![0_u64; mesh.positions.len()];
+    for &index in mesh.faces.as_flattened() {
+        valences[index as usize] += 1;
+    }
+    valences.iter().map(|valence| valence * valence).sum()
+}
+
 /// Encodes a mesh whose counts, indices and numbers are known to be good.
-fn encode_checked(mesh: &MeshView<'_>, options: &EncodeOptions) -> Result<Encoded, EncodeError> {
+fn encode_checked(
+    mesh: &MeshView<'_>,
+    options: &EncodeOptions,
+    is_sequential: bool,
+) -> Result<Encoded, EncodeError> {
     let bits = |bits: u8| i32::from(bits.min(MAX_EFFECTIVE_BITS));
     let colors = mesh
         .colors
@@ -201,6 +220,7 @@ fn encode_checked(mesh: &MeshView<'_>, options: &EncodeOptions) -> Result<Encode
         normal_bits: bits(options.normal_bits),
         texture_coordinate_bits: bits(options.texture_coordinate_bits),
         speed: i32::from(options.speed),
+        is_sequential: i32::from(is_sequential),
     };
     run(&input)
 }

@@ -212,3 +212,24 @@ fn a_point_cloud_is_refused_with_a_sentence() {
         "the Draco file holds a point cloud; a mesh with faces is needed"
     );
 }
+
+#[test]
+fn a_count_deep_inside_a_file_cannot_ask_for_more_than_its_mesh_justifies() {
+    let valid = doughnut(12, 3);
+    let limits = DecodeLimits {
+        max_memory_bytes: 1 << 30,
+        ..LIMITS
+    };
+    let mut is_disproportionate = false;
+    for at in 20..valid.len() - 4 {
+        let mut bytes = valid.clone();
+        bytes[at..at + 4].copy_from_slice(&0x7fff_ffff_u32.to_le_bytes());
+        if let Err(error) = decode(&bytes, &limits) {
+            is_disproportionate |= error
+                .to_string()
+                .contains("far too much for its own counts");
+        }
+        assert!(last_decode_peak_bytes() < 6 << 20);
+    }
+    assert!(is_disproportionate);
+}

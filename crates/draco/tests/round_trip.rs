@@ -254,6 +254,25 @@ fn limits_are_checked_against_the_counts_of_the_file() {
     );
 }
 
+#[test]
+fn a_vertex_with_very_many_faces_is_encoded_without_edgebreaker() {
+    let count = 30_000_u32;
+    let angle = |i: u32| std::f32::consts::TAU * i as f32 / count as f32;
+    let rim = (0..count).map(|i| [angle(i).cos(), angle(i).sin(), 0.0]);
+    let mesh = DecodedMesh {
+        positions: std::iter::once([0.0, 0.0, 1.0]).chain(rim).collect(),
+        faces: (0..count)
+            .map(|i| [0, 1 + i, 1 + (i + 1) % count])
+            .collect(),
+        ..DecodedMesh::default()
+    };
+    let encoded = encode_with_info(&mesh.view(), &EncodeOptions::default()).unwrap();
+    // After five letters, two version numbers and the geometry comes the method.
+    assert_eq!(encoded.bytes[8], 0);
+    let back = decode(&encoded.bytes, &LIMITS).unwrap();
+    assert_eq!((back.positions.len(), back.faces.len()), (30_001, 30_000));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
