@@ -45,11 +45,10 @@ fn find_draco() -> Draco {
         .cargo_metadata(false)
         .atleast_version(OLDEST_VERSION)
         .probe("draco")
-        .unwrap_or_else(|error| {
+        .unwrap_or_else(|_| {
             panic!(
-                "libdraco was not found; install Debian's packages `libdraco-dev` and \
-                 `pkg-config` ({})",
-                error.to_string().lines().next().unwrap_or_default()
+                "libdraco {OLDEST_VERSION} or later was not found; install Debian's packages \
+                 `libdraco-dev` and `pkg-config`"
             )
         });
     let archive_folder = library
