@@ -14,7 +14,7 @@ mod native_frame;
 
 pub use delivered_frame::{DeliveredFrame, InvalidDeliveredFrame};
 pub use metrics::FrameMetrics;
-pub use native_frame::{InvalidNativeFrame, NativeFrame};
+pub use native_frame::{InvalidNativeFrame, NativeFrame, NativeStamps};
 
 /// The WebSocket subprotocol of `subscribe`.
 pub const SUBPROTOCOL: &str = "steadymesh.v1";

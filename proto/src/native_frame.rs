@@ -28,6 +28,15 @@ pub struct NativeFrame {
     pub texture_coordinates: Option<Vec<[f32; 2]>>,
 }
 
+/// What a native frame's envelope says of its place in the stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct NativeStamps {
+    /// The frame's number in its stream, if the rig counts.
+    pub seq: Option<u64>,
+    /// When it was captured, in microseconds since 1970-01-01T00:00:00Z.
+    pub capture_time_us: Option<u64>,
+}
+
 /// Why bytes are not a native frame.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -105,17 +114,7 @@ impl NativeFrame {
     ///
     /// [`InvalidNativeFrame`] says what is wrong.
     pub fn decode(bytes: &[u8]) -> Result<Self, InvalidNativeFrame> {
-        let truncated = InvalidNativeFrame::Truncated {
-            length: bytes.len(),
-        };
-        let (magic, rest) = bytes.split_first_chunk::<4>().ok_or(truncated.clone())?;
-        if *magic != MAGIC {
-            return Err(InvalidNativeFrame::Magic);
-        }
-        let (length, rest) = rest.split_first_chunk::<4>().ok_or(truncated.clone())?;
-        let length = u32::from_le_bytes(*length) as usize;
-        let (envelope, arrays) = rest.split_at_checked(length).ok_or(truncated)?;
-        let envelope = decode_envelope(envelope)?;
+        let (envelope, arrays) = split(bytes)?;
         let (needed, found) = (envelope.array_bytes(), arrays.len() as u64);
         if needed != found {
             let Envelope {
@@ -146,6 +145,19 @@ impl NativeFrame {
                 .has_texture_coordinates
                 .then(|| arrays.take(vertices, f32::from_le_bytes)),
             faces: arrays.take(envelope.face_count as usize, u32::from_le_bytes),
+        })
+    }
+
+    /// Reads the stamps only, which costs nothing however large the frame is.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidNativeFrame`] if prefix or envelope cannot be read.
+    pub fn stamps(bytes: &[u8]) -> Result<NativeStamps, InvalidNativeFrame> {
+        let (envelope, _) = split(bytes)?;
+        Ok(NativeStamps {
+            seq: envelope.seq,
+            capture_time_us: envelope.capture_time_us,
         })
     }
 
@@ -200,6 +212,21 @@ impl NativeFrame {
         put(&mut bytes, &self.faces, u32::to_le_bytes);
         bytes
     }
+}
+
+/// The envelope, and the bytes after it.
+fn split(bytes: &[u8]) -> Result<(Envelope, &[u8]), InvalidNativeFrame> {
+    let truncated = InvalidNativeFrame::Truncated {
+        length: bytes.len(),
+    };
+    let (magic, rest) = bytes.split_first_chunk::<4>().ok_or(truncated.clone())?;
+    if *magic != MAGIC {
+        return Err(InvalidNativeFrame::Magic);
+    }
+    let (length, rest) = rest.split_first_chunk::<4>().ok_or(truncated.clone())?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let (envelope, arrays) = rest.split_at_checked(length).ok_or(truncated)?;
+    Ok((decode_envelope(envelope)?, arrays))
 }
 
 fn decode_envelope(bytes: &[u8]) -> Result<Envelope, InvalidNativeFrame> {
@@ -258,6 +285,21 @@ fn put<T: Copy, const N: usize, const B: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_stamps_can_be_read_without_the_arrays() {
+        let frame = NativeFrame {
+            seq: Some(7),
+            capture_time_us: Some(1_700_000_000_000_000),
+            ..NativeFrame::default()
+        };
+        let stamps = NativeFrame::stamps(&frame.encode()).unwrap();
+        assert_eq!(
+            (stamps.seq, stamps.capture_time_us),
+            (frame.seq, frame.capture_time_us)
+        );
+        assert!(NativeFrame::stamps(b"SMF1").is_err());
+    }
     use proptest::prelude::*;
 
     fn frame() -> NativeFrame {

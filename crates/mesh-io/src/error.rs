@@ -104,6 +104,9 @@ pub enum ReadError {
         /// What is wrong and where.
         message: String,
     },
+    /// A native frame does not make sense.
+    #[error("native frame: {0}")]
+    Native(#[from] steadymesh_proto::InvalidNativeFrame),
     /// Draco data cannot be decoded.
     #[error(transparent)]
     Draco(DecodeError),

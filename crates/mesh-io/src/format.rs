@@ -12,14 +12,21 @@ pub enum Format {
     Glb,
     /// Draco.
     Drc,
+    /// Steadymesh's own: a bincode envelope and raw arrays.
+    Native,
 }
 
 /// Format, file extension, and content types, the first of which is preferred.
-const NAMES: [(Format, &str, &[&str]); 4] = [
+const NAMES: [(Format, &str, &[&str]); 5] = [
     (Format::Obj, "obj", &["model/obj"]),
     (Format::Ply, "ply", &["model/ply", "application/x-ply"]),
     (Format::Glb, "glb", &["model/gltf-binary"]),
     (Format::Drc, "drc", &["application/vnd.draco"]),
+    (
+        Format::Native,
+        "smf",
+        &[steadymesh_proto::NATIVE_CONTENT_TYPE],
+    ),
 ];
 
 impl Format {
@@ -58,6 +65,7 @@ impl Format {
             Self::Ply => &NAMES[1],
             Self::Glb => &NAMES[2],
             Self::Drc => &NAMES[3],
+            Self::Native => &NAMES[4],
         }
     }
 }

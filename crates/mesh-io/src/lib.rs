@@ -5,7 +5,7 @@
 //! finite and within the range of a 32-bit float, every index in range. Nothing is
 //! repaired: duplicate vertices and degenerate faces stay.
 //!
-//! One module per format: [`obj`], [`ply`], [`glb`] and [`drc`]. All of them take
+//! One module per format: [`obj`], [`ply`], [`glb`], [`drc`] and [`native`]. All of them take
 //! hostile bytes: no count is believed before it is compared with what is there.
 //!
 //! Positions are `f64` because text and PLY doubles hold that much; lengths are in
@@ -18,6 +18,7 @@ mod error;
 mod format;
 pub mod glb;
 mod mesh;
+pub mod native;
 pub mod obj;
 mod per_vertex;
 pub mod ply;
@@ -51,5 +52,6 @@ pub fn read(bytes: &[u8], format: Format, limits: &Limits) -> Result<Mesh, ReadE
         Format::Ply => ply::read(bytes, limits),
         Format::Glb => glb::read(bytes, limits),
         Format::Drc => drc::read(bytes, limits),
+        Format::Native => native::read(bytes, limits),
     }
 }

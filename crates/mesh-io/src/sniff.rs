@@ -5,7 +5,7 @@ use crate::cursor::{Lines, Tokens, number};
 
 /// The format that `bytes` begin like, if any.
 ///
-/// PLY, GLB and Draco have signatures. OBJ has none: it is recognized by its first
+/// PLY, GLB, Draco and native frames have signatures. OBJ has none: it is recognized by its first
 /// vertex record, with nothing but comments and other OBJ records before it.
 #[must_use]
 pub fn sniff(bytes: &[u8]) -> Option<Format> {
@@ -14,6 +14,9 @@ pub fn sniff(bytes: &[u8]) -> Option<Format> {
     }
     if bytes.starts_with(b"DRACO") {
         return Some(Format::Drc);
+    }
+    if bytes.starts_with(b"SMF1") {
+        return Some(Format::Native);
     }
     if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
         return Some(Format::Ply);

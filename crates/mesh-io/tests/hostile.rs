@@ -50,7 +50,13 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const FORMATS: [Format; 4] = [Format::Obj, Format::Ply, Format::Glb, Format::Drc];
+const FORMATS: [Format; 5] = [
+    Format::Obj,
+    Format::Ply,
+    Format::Glb,
+    Format::Drc,
+    Format::Native,
+];
 const LIMITS: Limits = Limits {
     max_vertices: 1_000,
     max_faces: 1_000,
