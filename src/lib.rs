@@ -1,4 +1,10 @@
 //! Steadymesh: a server for volumetric video whose meshes do not flicker.
 
 pub mod cli;
+pub mod compute;
+pub mod config;
 pub mod pipeline;
+pub mod server;
+pub mod stopwatch;
+pub mod streams;
+pub mod telemetry;

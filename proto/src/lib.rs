@@ -2,6 +2,7 @@
 //!
 //! - [`NativeFrame`]: one frame on its way in, as raw arrays.
 //! - [`DeliveredFrame`]: one simplified frame on its way out, Draco bytes with its metrics.
+//! - [`stream`]: configuration, state, answers and control messages, in JSON.
 //! - [`metrics`]: the figures that come with every frame.
 //!
 //! `README.md` of this crate is the normative byte layout, for rigs and players in other
@@ -11,6 +12,7 @@
 mod delivered_frame;
 pub mod metrics;
 mod native_frame;
+pub mod stream;
 
 pub use delivered_frame::{DeliveredFrame, InvalidDeliveredFrame};
 pub use metrics::FrameMetrics;

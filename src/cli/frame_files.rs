@@ -40,7 +40,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         }
         if inside.is_empty() {
             bail!(
-                "the folder {} has no .obj, .ply, .glb or .drc files",
+                "the folder {} has no .obj, .ply, .glb, .drc or .smf files",
                 path.display()
             );
         }
@@ -62,7 +62,7 @@ pub(super) fn read_frame(path: &Path) -> anyhow::Result<RawFrame> {
         .or_else(|| sniff(&bytes))
         .with_context(|| {
             format!(
-                "{}: neither its name nor its content is OBJ, PLY, GLB or Draco",
+                "{}: neither its name nor its content is OBJ, PLY, GLB, Draco or a native frame",
                 path.display()
             )
         })?;
@@ -85,7 +85,8 @@ pub(super) fn to_file_mesh(mesh: &TriangleMesh) -> Mesh {
     }
 }
 
-fn format_by_name(path: &Path) -> Option<Format> {
+/// The format that a file's name says it has.
+pub(super) fn format_by_name(path: &Path) -> Option<Format> {
     Format::from_extension(path.extension()?.to_str()?)
 }
 

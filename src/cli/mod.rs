@@ -4,8 +4,15 @@
 //! 0 for done, 1 for failed, 2 for wrong usage.
 
 mod frame_files;
+mod frame_publisher;
+mod frame_source;
+mod output_files;
+mod progress;
+mod publish;
+mod serve;
 mod simplify;
-mod stopwatch;
+mod stream_url;
+mod subscribe;
 
 use std::process::ExitCode;
 
@@ -21,6 +28,12 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Run the server.
+    Serve(serve::Arguments),
+    /// Send frames to a stream, as a capture rig does.
+    Publish(publish::Arguments),
+    /// Receive a stream's frames, as a player does.
+    Subscribe(subscribe::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
 }
@@ -31,6 +44,9 @@ pub fn run() -> ExitCode {
     // Wrong usage ends here, with exit code 2.
     let Cli { command } = Cli::parse();
     let outcome = match command {
+        Command::Serve(arguments) => serve::run(&arguments),
+        Command::Publish(arguments) => publish::run(&arguments),
+        Command::Subscribe(arguments) => subscribe::run(&arguments),
         Command::Simplify(arguments) => simplify::run(&arguments),
     };
     match outcome {
@@ -40,6 +56,17 @@ pub fn run() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Waits until the process is asked to end, by Ctrl-C or SIGTERM.
+async fn interrupted() -> anyhow::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let mut terminate = signal(SignalKind::terminate())?;
+    tokio::select! {
+        interrupted = tokio::signal::ctrl_c() => interrupted?,
+        _ = terminate.recv() => {}
+    }
+    Ok(())
 }
 
 /// Says something to the person at the terminal.

@@ -1,20 +1,21 @@
 //! `steadymesh simplify`: a sequence of frame files, smaller.
 
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::Tracking;
 
 use crate::pipeline::{PreparedFrame, ProcessedFrame, Settings, TargetSize, process};
+use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
-use super::stopwatch::Stopwatch;
+use super::output_files::{create, make_folder, write_file};
+use super::progress::progress_bar;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -88,7 +89,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         make_folder(folder)?;
     }
     let mut metrics_file = arguments.metrics.as_deref().map(create).transpose()?;
-    let progress = progress_bar(files.len());
+    let progress = progress_bar(files.len() as u64);
     let mut previous: Option<PreparedFrame> = None;
     for (seq, (file, name)) in files.iter().zip(&names).enumerate() {
         let seq = seq as u64;
@@ -123,6 +124,7 @@ fn simplify_one(
     seq: u64,
     settings: &Settings,
 ) -> anyhow::Result<(PreparedFrame, ProcessedFrame)> {
+    let started = Instant::now();
     let mut stopwatch = Stopwatch::start();
     let raw = read_frame(file)?;
     stopwatch.parsed();
@@ -132,7 +134,8 @@ fn simplify_one(
         .with_context(|| file.display().to_string())?;
     out.metrics.seq = seq;
     out.metrics.reference_seq = out.registered.as_ref().map(|_| seq - 1);
-    (out.metrics.stage_us, out.metrics.latency_us) = stopwatch.finish();
+    out.metrics.stage_us = stopwatch.times();
+    out.metrics.latency_us = microseconds(started.elapsed());
     Ok((current, out))
 }
 
@@ -203,20 +206,6 @@ fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyho
     write_file(path, bytes)
 }
 
-fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("{} cannot be written", path.display()))
-}
-
-fn make_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("the folder {} cannot be made", folder.display()))
-}
-
-fn create(path: &Path) -> anyhow::Result<BufWriter<File>> {
-    let file = File::create(path).with_context(|| format!("{} cannot be made", path.display()))?;
-    Ok(BufWriter::new(file))
-}
-
 /// Says what a user would want to know without having asked for metrics.
 fn warn_about(file: &Path, metrics: &FrameMetrics) {
     let file = file.display();
@@ -231,16 +220,4 @@ fn warn_about(file: &Path, metrics: &FrameMetrics) {
             "{file}: {faces} faces are left, and no edge can be collapsed further"
         ));
     }
-}
-
-/// A bar on a terminal, and nothing anywhere else.
-fn progress_bar(frames: usize) -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let bar = ProgressBar::new(frames as u64);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left") {
-        bar.set_style(style);
-    }
-    bar
 }

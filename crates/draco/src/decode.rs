@@ -168,6 +168,31 @@ pub fn decode_with_ids(
     })
 }
 
+/// The unique ids under which a container would name the attributes that [`decode`] returns.
+///
+/// # Errors
+///
+/// See [`DecodeError`].
+pub fn attribute_ids(bytes: &[u8], limits: &DecodeLimits) -> Result<AttributeIds, DecodeError> {
+    let attributes = Mesh::decode(bytes, limits)?.attributes()?;
+    let id = |kind: Kind| {
+        let first = attributes
+            .iter()
+            .find(|a| a.info.semantic == kind.semantic())?;
+        kind.accepts(first.info.component_count as usize)
+            .then_some(first.info.unique_id)
+    };
+    Ok(AttributeIds {
+        position: id(Kind::Position).ok_or(DecodeError::MissingAttribute {
+            what: Kind::Position.name(),
+            id: None,
+        })?,
+        normal: id(Kind::Normal),
+        color: id(Kind::Color),
+        texture_coordinate: id(Kind::TextureCoordinate),
+    })
+}
+
 /// The most bytes that the last decode on this thread held at once on the C++ heap.
 #[must_use]
 pub fn last_decode_peak_bytes() -> usize {

@@ -21,7 +21,8 @@ mod mesh;
 mod status;
 
 pub use decode::{
-    AttributeIds, DecodeError, DecodeLimits, decode, decode_with_ids, last_decode_peak_bytes,
+    AttributeIds, DecodeError, DecodeLimits, attribute_ids, decode, decode_with_ids,
+    last_decode_peak_bytes,
 };
 pub use encode::{EncodeError, EncodeOptions, Encoded, encode, encode_with_info};
 pub use mesh::{DecodedMesh, MeshView};

@@ -354,7 +354,7 @@ fn a_wrapped_draco_file_reads_back() {
         texture_coordinates: mesh.texture_coordinates.as_ref().map(|a| &a.values[..]),
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo::of(&encoded, &positions);
+    let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
     let back = read(&glb::wrap_draco(&encoded.bytes, &info)).unwrap();
     assert_eq!((back.positions.len(), back.faces.len()), (4, 4));
     let corner = back.positions.iter().position(|p| p[0] > 0.9).unwrap();
@@ -376,7 +376,7 @@ fn a_draco_primitive_that_names_a_missing_attribute_is_refused() {
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
     let info = glb::DracoInfo {
         position_id: 9,
-        ..glb::DracoInfo::of(&encoded, &positions)
+        ..glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap()
     };
     let error = message(&glb::wrap_draco(&encoded.bytes, &info));
     assert_eq!(

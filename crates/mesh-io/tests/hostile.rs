@@ -110,7 +110,7 @@ fn valid_files() -> Vec<Vec<u8>> {
         texture_coordinates: None,
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo::of(&encoded, &positions);
+    let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
     let ascii = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
                  property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
                  end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";

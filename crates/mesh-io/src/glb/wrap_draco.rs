@@ -2,8 +2,9 @@
 
 use super::container;
 use super::write::bounds;
+use crate::{Limits, ReadError, drc};
 use serde_json::{Map, Value, json};
-use steadymesh_draco::Encoded;
+use steadymesh_draco::{attribute_ids, decode};
 
 /// What glTF says about a Draco mesh outside of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,20 +28,25 @@ pub struct DracoInfo {
 }
 
 impl DracoInfo {
-    /// Describes what the encoder returned for these positions.
-    #[must_use]
-    pub fn of(encoded: &Encoded, positions: &[[f32; 3]]) -> Self {
-        let (min, max) = bounds(positions);
-        Self {
-            position_id: encoded.ids.position,
-            normal_id: encoded.ids.normal,
-            color_id: encoded.ids.color,
-            texture_coordinate_id: encoded.ids.texture_coordinate,
-            vertex_count: encoded.point_count,
-            face_count: encoded.face_count,
+    /// Describes a Draco file after decoding it.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`] if it cannot be decoded.
+    pub fn read(bytes: &[u8], limits: &Limits) -> Result<Self, ReadError> {
+        let limits = drc::decode_limits(limits);
+        let (mesh, ids) = (decode(bytes, &limits)?, attribute_ids(bytes, &limits)?);
+        let (min, max) = bounds(&mesh.positions);
+        Ok(Self {
+            position_id: ids.position,
+            normal_id: ids.normal,
+            color_id: ids.color,
+            texture_coordinate_id: ids.texture_coordinate,
+            vertex_count: mesh.positions.len(),
+            face_count: mesh.faces.len(),
             min,
             max,
-        }
+        })
     }
 }
 

@@ -7,21 +7,24 @@ use steadymesh_proto::metrics::StageTimes;
 use crate::pipeline::{Stage, StageObserver};
 
 /// Notes how long each stage of a frame takes.
-pub(super) struct Stopwatch {
-    started: Instant,
+#[derive(Debug)]
+pub struct Stopwatch {
     last: Instant,
     times: StageTimes,
 }
 
 impl Stopwatch {
     /// Starts with the parsing of a frame.
+    #[must_use]
     pub fn start() -> Self {
-        let now = Instant::now();
-        Self {
-            started: now,
-            last: now,
-            times: StageTimes::default(),
-        }
+        Self::resume(StageTimes::default())
+    }
+
+    /// Goes on after a pause that belongs to no stage.
+    #[must_use]
+    pub fn resume(times: StageTimes) -> Self {
+        let last = Instant::now();
+        Self { last, times }
     }
 
     /// The frame has been parsed.
@@ -29,17 +32,17 @@ impl Stopwatch {
         self.times.parse = self.lap();
     }
 
-    /// The stages' times, and the time since the start, in microseconds.
-    pub fn finish(self) -> (StageTimes, u64) {
-        let total = self.started.elapsed().as_micros();
-        (self.times, u64::try_from(total).unwrap_or(u64::MAX))
+    /// The times of the stages so far.
+    #[must_use]
+    pub fn times(self) -> StageTimes {
+        self.times
     }
 
     fn lap(&mut self) -> u64 {
         let now = Instant::now();
-        let elapsed = now.duration_since(self.last).as_micros();
+        let elapsed = now.duration_since(self.last);
         self.last = now;
-        u64::try_from(elapsed).unwrap_or(u64::MAX)
+        microseconds(elapsed)
     }
 }
 
@@ -55,4 +58,10 @@ impl StageObserver for Stopwatch {
         };
         *slot += elapsed;
     }
+}
+
+/// A duration in whole microseconds.
+#[must_use]
+pub fn microseconds(duration: std::time::Duration) -> u64 {
+    u64::try_from(duration.as_micros()).unwrap_or(u64::MAX)
 }

@@ -1,0 +1,218 @@
+//! A stream's configuration and state, as the HTTP interface gives and takes them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::metrics::Tracking;
+
+/// How a stream's frames are processed: the body of `PUT /v1/streams/{stream}`.
+///
+/// What is left out has the default. Exactly one of the two targets may be given.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamConfig {
+    /// How many faces each frame is to have.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_faces: Option<usize>,
+    /// Which share of its faces each frame is to keep, above 0 and at most 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_ratio: Option<f64>,
+    /// Whether the previous frame takes part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracking: Option<Tracking>,
+    /// How the simplified mesh is compressed.
+    #[serde(default, skip_serializing_if = "DracoConfig::is_default")]
+    pub draco: DracoConfig,
+    /// Whether distances are measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metrics: Option<MetricsMode>,
+    /// What happens when frames come faster than they are processed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overload: Option<Overload>,
+}
+
+/// How the simplified mesh is compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DracoConfig {
+    /// Bits per coordinate over the largest extent of the bounding box, 6 to 20.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_bits: Option<u8>,
+    /// 0 (smallest) to 10 (fastest, several times larger).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed: Option<u8>,
+}
+
+impl DracoConfig {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// Whether distances are measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MetricsMode {
+    /// Every distance of every frame.
+    #[default]
+    Full,
+    /// None; frames cost less.
+    Off,
+}
+
+/// What happens when frames come faster than they are processed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Overload {
+    /// The publisher is told to wait: 429 with `Retry-After`. No frame is lost.
+    #[default]
+    Lossless,
+    /// The newest frame wins: the oldest waiting one is dropped and counted.
+    Live,
+}
+
+/// A stream as `GET /v1/streams/{stream}` shows it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StreamSummary {
+    /// Its name.
+    pub stream: String,
+    /// Whether frames have come lately.
+    pub state: StreamState,
+    /// Its configuration, defaults filled in.
+    pub config: StreamConfig,
+    /// Counts since it was created.
+    pub counters: StreamCounters,
+    /// Players connected at this moment.
+    pub subscribers: usize,
+    /// Frames accepted and not yet out.
+    pub queued: usize,
+    /// The number of the newest frame that is out; none before the first.
+    pub latest_seq: Option<u64>,
+    /// When it was created, in microseconds since 1970-01-01T00:00:00Z.
+    pub created_us: u64,
+}
+
+/// Whether frames come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StreamState {
+    /// A frame has come within the last seconds.
+    Live,
+    /// None has.
+    Idle,
+}
+
+/// Counts since a stream was created.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct StreamCounters {
+    /// Frames accepted.
+    pub received: u64,
+    /// Frames that came out.
+    pub published: u64,
+    /// Frames accepted that did not come out.
+    pub dropped: u64,
+    /// Frames refused, with a 4xx answer.
+    pub rejected: u64,
+    /// Bytes of the accepted frames.
+    pub bytes_in: u64,
+    /// Draco bytes of the frames that came out.
+    pub bytes_out: u64,
+}
+
+/// The answer to `GET /v1/streams`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StreamList {
+    /// All streams, by name.
+    pub streams: Vec<StreamSummary>,
+}
+
+/// The answer to a frame that waits for its turn: 202.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Accepted {
+    /// The frame's number.
+    pub seq: u64,
+    /// Frames of the stream that are not out yet, this one included.
+    pub queued: usize,
+    /// The frame had been sent before, and nothing was done.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub duplicate: bool,
+}
+
+/// A text message of `subscribe`, told apart by `type`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum ControlMessage {
+    /// The first message of a connection.
+    Hello {
+        /// [`SUBPROTOCOL`](crate::SUBPROTOCOL).
+        protocol: String,
+        /// The stream's name.
+        stream: String,
+        /// The newest frame's number; none before the first.
+        latest_seq: Option<u64>,
+        /// The stream's configuration, defaults filled in.
+        config: StreamConfig,
+    },
+    /// The reader was too slow, and some frames were left out before the next one.
+    Skipped {
+        /// How many.
+        missed: u64,
+    },
+    /// Nothing more will come.
+    End {
+        /// Why.
+        reason: EndReason,
+    },
+}
+
+/// Why a stream ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EndReason {
+    /// Somebody deleted it.
+    Deleted,
+    /// No frame had come for a long time.
+    Idle,
+    /// The server stops.
+    Shutdown,
+}
+
+/// An error as RFC 9457 has it: the body of every answer from 400 on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Problem {
+    /// What kind of problem: a URI reference that stays the same.
+    pub r#type: String,
+    /// The kind in a few words.
+    pub title: String,
+    /// The HTTP status.
+    pub status: u16,
+    /// What happened here, and what to do.
+    pub detail: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_configuration_with_an_unknown_field_is_refused_with_its_name() {
+        let text = r#"{"target_faces": 4000, "traking": "off"}"#;
+        let error = serde_json::from_str::<StreamConfig>(text).unwrap_err();
+        assert!(error.to_string().contains("traking"), "{error}");
+    }
+
+    #[test]
+    fn control_messages_have_the_documented_form() {
+        let skipped = serde_json::to_string(&ControlMessage::Skipped { missed: 3 }).unwrap();
+        assert_eq!(skipped, r#"{"type":"skipped","missed":3}"#);
+        let reason = EndReason::Deleted;
+        let end = serde_json::to_string(&ControlMessage::End { reason }).unwrap();
+        assert_eq!(end, r#"{"type":"end","reason":"deleted"}"#);
+    }
+
+    #[test]
+    fn an_empty_configuration_is_the_default() {
+        let config: StreamConfig = serde_json::from_str("{}").unwrap();
+        assert_eq!(config, StreamConfig::default());
+        assert_eq!(serde_json::to_string(&config).unwrap(), "{}");
+    }
+}

@@ -1,0 +1,102 @@
+//! Where `publish` has its frames from.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use bytes::Bytes;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use steadymesh_mesh_io::Format;
+use steadymesh_proto::NativeFrame;
+use steadymesh_synthetic_rig::{Options, Rig};
+
+use super::frame_files::{expand, format_by_name};
+use super::progress::progress_bar;
+
+/// One take of frames, each ready to be sent any number of times.
+#[derive(Debug)]
+pub(super) enum FrameSource {
+    /// Files, which are read when their turn comes.
+    Files(Vec<PathBuf>),
+    /// Native frames in memory.
+    Synthetic(Vec<Bytes>),
+}
+
+/// A frame to be sent.
+#[derive(Debug, Clone)]
+pub(super) struct SourceFrame {
+    /// What to call it when something is wrong with it.
+    pub name: String,
+    pub content_type: &'static str,
+    pub body: Bytes,
+}
+
+impl FrameSource {
+    /// The frames in files and folders.
+    ///
+    /// # Errors
+    ///
+    /// A path that does not exist, or a folder without frame files.
+    pub fn files(paths: &[PathBuf]) -> anyhow::Result<Self> {
+        Ok(Self::Files(expand(paths)?))
+    }
+
+    /// One period of the synthetic rig's motion. All of it is computed now, so that the machine
+    /// is free for the server while frames are sent.
+    ///
+    /// # Errors
+    ///
+    /// If the rig cannot be had with these options.
+    pub fn synthetic(options: &Options) -> anyhow::Result<Self> {
+        let rig = Rig::new(options)?;
+        let progress = progress_bar(rig.period_frames());
+        let frames = (0..rig.period_frames()).into_par_iter().map(|index| {
+            let frame = rig.frame(index);
+            let native = NativeFrame {
+                positions: frame.positions,
+                faces: frame.faces,
+                ..NativeFrame::default()
+            };
+            progress.inc(1);
+            Bytes::from(native.encode())
+        });
+        let frames = frames.collect();
+        progress.finish_and_clear();
+        Ok(Self::Synthetic(frames))
+    }
+
+    /// How many frames the take has.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Files(files) => files.len(),
+            Self::Synthetic(frames) => frames.len(),
+        }
+    }
+
+    /// Frame `index` of the take.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be read.
+    pub async fn frame(&self, index: usize) -> anyhow::Result<SourceFrame> {
+        match self {
+            Self::Files(files) => {
+                let path = &files[index];
+                let name = path.display().to_string();
+                let body = tokio::fs::read(path).await;
+                let body = body.with_context(|| format!("{name} cannot be read"))?;
+                let content_type =
+                    format_by_name(path).map_or("application/octet-stream", Format::content_type);
+                Ok(SourceFrame {
+                    name,
+                    content_type,
+                    body: body.into(),
+                })
+            }
+            Self::Synthetic(frames) => Ok(SourceFrame {
+                name: format!("synthetic frame {index}"),
+                content_type: Format::Native.content_type(),
+                body: frames[index].clone(),
+            }),
+        }
+    }
+}

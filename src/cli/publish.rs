@@ -1,0 +1,148 @@
+//! `steadymesh publish`: a capture rig.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use clap::Args;
+use indicatif::ProgressBar;
+use steadymesh_synthetic_rig::Options;
+use tokio::time::{MissedTickBehavior, interval};
+
+use super::frame_publisher::{FramePublisher, Sent};
+use super::frame_source::FrameSource;
+use super::progress::counter;
+use super::stream_url::StreamUrl;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`.
+    url: String,
+    #[command(flatten)]
+    source: SourceArguments,
+    /// Frames per second.
+    #[arg(long, default_value_t = 30.0, value_parser = frames_per_second)]
+    fps: f64,
+    /// Begin anew after the last frame.
+    #[arg(long = "loop")]
+    repeat: bool,
+    /// Vertices of a synthetic frame, about.
+    #[arg(long, value_name = "N", default_value_t = Options::default().vertex_count, conflicts_with = "paths")]
+    vertices: usize,
+}
+
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct SourceArguments {
+    /// Frame files or folders of them: one sequence, folders in natural order.
+    paths: Vec<PathBuf>,
+    /// An animated figure, remeshed in every frame.
+    #[arg(long)]
+    synthetic: bool,
+}
+
+/// What has been done.
+#[derive(Debug, Default)]
+struct Tally {
+    sent: u64,
+    bytes: u64,
+    refused: u64,
+    waits: u64,
+}
+
+/// Runs the command.
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let url = StreamUrl::parse(&arguments.url)?;
+    let source = if arguments.source.synthetic {
+        FrameSource::synthetic(&Options {
+            vertex_count: arguments.vertices,
+            frames_per_second: arguments.fps,
+            ..Options::default()
+        })?
+    } else {
+        FrameSource::files(&arguments.source.paths)?
+    };
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(publish(arguments, &url, &source))
+}
+
+async fn publish(
+    arguments: &Arguments,
+    url: &StreamUrl,
+    source: &FrameSource,
+) -> anyhow::Result<()> {
+    super::say(&format!(
+        "publishing to {}, to be watched at {}",
+        url.name(),
+        url.page()
+    ));
+    let started = Instant::now();
+    let mut tally = Tally::default();
+    let progress = counter();
+    let outcome = tokio::select! {
+        outcome = send_all(arguments, url, source, &mut tally, &progress) => outcome,
+        // Asked to stop, which is the usual end of a rig that loops.
+        signal = super::interrupted() => signal,
+    };
+    progress.finish_and_clear();
+    let Tally {
+        sent,
+        bytes,
+        refused,
+        waits,
+    } = tally;
+    let seconds = started.elapsed().as_secs_f64();
+    super::say(&format!(
+        "{sent} frames sent in {seconds:.1} s ({:.1} fps, {:.1} Mbit/s), {refused} refused, \
+         {waits} waits for the server",
+        sent as f64 / seconds,
+        bytes as f64 * 8e-6 / seconds
+    ));
+    outcome?;
+    if 0 < refused {
+        bail!("{refused} frames were refused");
+    }
+    Ok(())
+}
+
+async fn send_all(
+    arguments: &Arguments,
+    url: &StreamUrl,
+    source: &FrameSource,
+    tally: &mut Tally,
+    progress: &ProgressBar,
+) -> anyhow::Result<()> {
+    let mut publisher = FramePublisher::new(url)?;
+    let mut pace = interval(Duration::from_secs_f64(1.0 / arguments.fps));
+    // A frame that comes late is not made up for: the server would get a burst.
+    pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        for index in 0..source.len() {
+            let frame = source.frame(index).await?;
+            pace.tick().await;
+            match publisher.send(&frame, &mut tally.waits).await? {
+                Sent::Accepted => {
+                    tally.sent += 1;
+                    tally.bytes += frame.body.len() as u64;
+                    progress.inc(1);
+                }
+                Sent::Refused(reason) => {
+                    tally.refused += 1;
+                    progress.suspend(|| super::say(&format!("{}: {reason}", frame.name)));
+                }
+            }
+        }
+        if !arguments.repeat {
+            return Ok(());
+        }
+    }
+}
+
+fn frames_per_second(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(fps) if (0.01..=1000.0).contains(&fps) => Ok(fps),
+        _ => Err("a number from 0.01 to 1000 is expected".to_owned()),
+    }
+}

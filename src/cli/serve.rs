@@ -1,0 +1,74 @@
+//! `steadymesh serve`: the server.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::Context;
+use clap::Args;
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::compute::ComputePool;
+use crate::config::Config;
+use crate::server::Server;
+use crate::streams::Registry;
+use crate::telemetry::{Telemetry, log};
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// The configuration, a TOML file. Environment variables such as
+    /// `STEADYMESH_STREAMS__HISTORY` come after it, the options of this command last.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Where the API and the player listen [default: 127.0.0.1:8080].
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<SocketAddr>,
+    /// Where operations listen: /metrics, /livez, /readyz [default: 127.0.0.1:9090].
+    #[arg(long, value_name = "ADDR")]
+    internal_listen: Option<SocketAddr>,
+}
+
+/// Runs the command.
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let mut config = Config::load(arguments.config.as_deref())?;
+    if let Some(address) = arguments.listen {
+        config.listen = address;
+    }
+    if let Some(address) = arguments.internal_listen {
+        config.internal_listen = address;
+    }
+    config.check()?;
+    log::set_up(&config.log)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(serve(&config))
+}
+
+async fn serve(config: &Config) -> anyhow::Result<()> {
+    // Before anything listens, so that a signal is never missed.
+    let mut terminate = signal(SignalKind::terminate())?;
+    let mut interrupt = signal(SignalKind::interrupt())?;
+    let pool =
+        Arc::new(ComputePool::new(config.compute()).context("the threads cannot be started")?);
+    let telemetry = Arc::new(Telemetry::new().context("the metrics cannot be registered")?);
+    let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
+        .context("streams.defaults in the configuration cannot be used")?;
+    let threads = pool.thread_count();
+    let server = Server::start(config.server(), registry, pool, telemetry)?;
+    let (player, internal) = (server.address(), server.internal_address());
+    tracing::info!(
+        threads,
+        "player and API on http://{player}, operations on http://{internal}"
+    );
+    tokio::select! {
+        _ = terminate.recv() => tracing::info!("asked to stop (SIGTERM)"),
+        _ = interrupt.recv() => tracing::info!("asked to stop (SIGINT)"),
+    }
+    tokio::select! {
+        () = server.shut_down() => tracing::info!("stopped"),
+        _ = terminate.recv() => tracing::warn!("asked again: stopped at once"),
+        _ = interrupt.recv() => tracing::warn!("asked again: stopped at once"),
+    }
+    Ok(())
+}

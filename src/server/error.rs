@@ -1,0 +1,220 @@
+//! Errors as problem documents (RFC 9457) that say what to do.
+
+use axum::Json;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use steadymesh_mesh_io::ReadError;
+use steadymesh_proto::stream;
+
+use crate::streams::{InvalidStreamName, NotConfigured, Refused};
+
+/// Seconds after which a refused publisher is asked to try again.
+const RETRY_AFTER: u64 = 1;
+
+/// An answer from 400 on.
+#[derive(Debug)]
+pub(super) struct Problem {
+    status: StatusCode,
+    /// The last part of the problem's type, which stays the same.
+    kind: &'static str,
+    title: &'static str,
+    detail: String,
+    retry_after: Option<u64>,
+}
+
+impl Problem {
+    fn new(
+        status: StatusCode,
+        kind: &'static str,
+        title: &'static str,
+        detail: impl Into<String>,
+    ) -> Self {
+        Self {
+            status,
+            kind,
+            title,
+            detail: detail.into(),
+            retry_after: None,
+        }
+    }
+
+    fn retry(mut self) -> Self {
+        self.retry_after = Some(RETRY_AFTER);
+        self
+    }
+
+    /// A parameter, header or document that does not make sense.
+    pub fn bad_request(detail: impl Into<String>) -> Self {
+        Self::new(
+            StatusCode::BAD_REQUEST,
+            "bad-request",
+            "The request is wrong",
+            detail,
+        )
+    }
+
+    /// There is nothing under this address.
+    pub fn not_found(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::NOT_FOUND, "not-found", "Not found", detail)
+    }
+
+    /// There is no stream of this name.
+    pub fn no_stream(name: &crate::streams::StreamName) -> Self {
+        Self::new(
+            StatusCode::NOT_FOUND,
+            "no-stream",
+            "No such stream",
+            format!(
+                "there is no stream {name}: it begins with the first frame that is posted to \
+                 /v1/streams/{name}/frames"
+            ),
+        )
+    }
+
+    /// The address is right and the method is not.
+    pub fn method_not_allowed(detail: impl Into<String>) -> Self {
+        let status = StatusCode::METHOD_NOT_ALLOWED;
+        Self::new(status, "method-not-allowed", "Method not allowed", detail)
+    }
+
+    /// The body's type is not one that is read here.
+    pub fn unsupported_type(detail: impl Into<String>) -> Self {
+        let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+        Self::new(
+            status,
+            "unsupported-type",
+            "Unsupported content type",
+            detail,
+        )
+    }
+
+    /// Something is larger than allowed.
+    pub fn too_large(detail: impl Into<String>) -> Self {
+        let status = StatusCode::PAYLOAD_TOO_LARGE;
+        Self::new(status, "too-large", "Over a limit", detail)
+    }
+
+    /// The body did not come in time.
+    pub fn too_slow(detail: impl Into<String>) -> Self {
+        Self::new(
+            StatusCode::REQUEST_TIMEOUT,
+            "too-slow",
+            "The body took too long",
+            detail,
+        )
+    }
+
+    /// The server is about to stop.
+    pub fn stopping() -> Self {
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        Self::new(
+            status,
+            "stopping",
+            "Not available",
+            "the server is stopping",
+        )
+        .retry()
+    }
+
+    /// An accepted frame did not come out.
+    pub fn frame_lost(detail: impl Into<String>) -> Self {
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        Self::new(status, "frame-lost", "The frame did not come out", detail).retry()
+    }
+
+    /// A defect of the server.
+    pub fn defect(detail: impl Into<String>) -> Self {
+        let status = StatusCode::INTERNAL_SERVER_ERROR;
+        Self::new(status, "defect", "A defect of the server", detail)
+    }
+
+    /// Whether this refuses what the publisher sent, rather than telling it to wait.
+    pub fn is_rejection(&self) -> bool {
+        self.status.is_client_error() && self.status != StatusCode::TOO_MANY_REQUESTS
+    }
+}
+
+impl From<InvalidStreamName> for Problem {
+    fn from(error: InvalidStreamName) -> Self {
+        Self::bad_request(error.to_string())
+    }
+}
+
+impl From<NotConfigured> for Problem {
+    fn from(error: NotConfigured) -> Self {
+        let detail = error.to_string();
+        match error {
+            NotConfigured::Invalid(_) => Self::bad_request(detail),
+            NotConfigured::Stopping => Self::stopping(),
+            NotConfigured::TooManyStreams { .. } => Self::new(
+                StatusCode::TOO_MANY_REQUESTS,
+                "too-many-streams",
+                "Over a limit",
+                format!("{detail}: delete one, or raise streams.max in the configuration"),
+            )
+            .retry(),
+        }
+    }
+}
+
+impl From<Refused> for Problem {
+    fn from(refused: Refused) -> Self {
+        let detail = refused.to_string();
+        let unusable = |detail| {
+            let title = "Not a usable mesh";
+            Self::new(
+                StatusCode::UNPROCESSABLE_ENTITY,
+                "unusable-mesh",
+                title,
+                detail,
+            )
+        };
+        match refused {
+            Refused::QueueFull => {
+                let title = "The stream's queue is full";
+                Self::new(StatusCode::TOO_MANY_REQUESTS, "queue-full", title, detail).retry()
+            }
+            Refused::Ended => Self::new(
+                StatusCode::SERVICE_UNAVAILABLE,
+                "stream-ended",
+                "The stream has ended",
+                "the stream ended while the frame was on its way: send it again to begin anew",
+            )
+            .retry(),
+            Refused::Unreadable(ReadError::LimitExceeded { what, .. }) => Self::too_large(format!(
+                "{detail}: send a smaller mesh, or raise limits.{what} in the configuration"
+            )),
+            Refused::Unreadable(ReadError::OutOfMemory { .. }) => Self::too_large(format!(
+                "{detail}: send a smaller mesh, or raise limits.decode_memory_bytes in the \
+                 configuration"
+            )),
+            Refused::Unreadable(_) | Refused::Unusable(_) => unusable(detail),
+            Refused::SeqGoesBack { .. } => Self::new(
+                StatusCode::CONFLICT,
+                "seq-goes-back",
+                "Numbers ascend",
+                format!("{detail}: go on from there, or delete the stream to begin anew"),
+            ),
+            Refused::Panicked => Self::defect(detail),
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let document = stream::Problem {
+            r#type: format!("urn:steadymesh:problem:{}", self.kind),
+            title: self.title.to_owned(),
+            status: self.status.as_u16(),
+            detail: self.detail,
+        };
+        let mut response = (self.status, Json(document)).into_response();
+        let headers = response.headers_mut();
+        let problem_json = HeaderValue::from_static("application/problem+json");
+        headers.insert(header::CONTENT_TYPE, problem_json);
+        if let Some(seconds) = self.retry_after {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        response
+    }
+}

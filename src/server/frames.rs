@@ -1,0 +1,232 @@
+//! Single frames and their metrics, out of what a stream remembers.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+use steadymesh_mesh_io::glb::DracoInfo;
+use steadymesh_mesh_io::{Format, Limits, drc, glb, ply};
+use steadymesh_proto::FrameMetrics;
+
+use crate::streams::{Delivered, Loss, Outcome, Stream, StreamName};
+
+use super::App;
+use super::error::Problem;
+use super::extract::{Name, NoParameters, Strict};
+
+/// A frame does not change, but its number comes again when the stream is deleted and begun
+/// anew: caches are asked to look again after this many seconds.
+const MAX_AGE_SECS: u32 = 60;
+
+/// For our own bytes: the limits are there to be given, not to be reached.
+const UNLIMITED: Limits = Limits {
+    max_vertices: usize::MAX,
+    max_faces: usize::MAX,
+    max_memory_bytes: usize::MAX,
+};
+
+/// Which frames' metrics are wanted.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Range {
+    /// How many of the newest; all that are remembered if it is left out.
+    last: Option<usize>,
+}
+
+/// The answer to `GET /v1/streams/{stream}/metrics`.
+#[derive(Debug, Serialize)]
+pub(super) struct MetricsList {
+    stream: String,
+    frames: Vec<FrameMetrics>,
+}
+
+/// Which frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Which {
+    Latest,
+    Number(u64),
+}
+
+/// `GET /v1/streams/{stream}/frames/{seq|latest}.drc|.glb|.ply`.
+pub(super) async fn get_frame(
+    State(app): State<Arc<App>>,
+    Name(name): Name,
+    Path((_, file)): Path<(String, String)>,
+    Strict(NoParameters {}): Strict<NoParameters>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let (which, format) = parse_file(&file).ok_or_else(|| {
+        Problem::not_found(format!(
+            "there is no {file}: ask for a frame's number or \"latest\", with .drc, .glb or .ply"
+        ))
+    })?;
+    let stream = app
+        .registry
+        .get(&name)
+        .ok_or_else(|| Problem::no_stream(&name))?;
+    let frame = find(&stream, which)?;
+    let seq = frame.metrics.seq;
+    let etag = format!(
+        "\"{:x}-{seq}-{}\"",
+        stream.summary().created_us,
+        format.extension()
+    );
+    let cache = match which {
+        Which::Latest => "no-cache".to_owned(),
+        Which::Number(_) => format!("public, max-age={MAX_AGE_SECS}"),
+    };
+    let location = format!("/v1/streams/{name}/frames/{seq}.{}", format.extension());
+    let common = [
+        (header::ETAG, etag.clone()),
+        (header::CACHE_CONTROL, cache),
+        (header::CONTENT_LOCATION, location),
+    ];
+    if is_current(&headers, &etag) {
+        return Ok((StatusCode::NOT_MODIFIED, common).into_response());
+    }
+    let bytes = match format {
+        Format::Drc => frame.mesh.clone(),
+        _ => convert(&app, &frame, format).await?,
+    };
+    let content_type = HeaderValue::from_static(format.content_type());
+    Ok((common, [(header::CONTENT_TYPE, content_type)], bytes).into_response())
+}
+
+/// `GET /v1/streams/{stream}/frames/{seq|latest}/metrics`.
+pub(super) async fn get_frame_metrics(
+    State(app): State<Arc<App>>,
+    Name(name): Name,
+    Path((_, seq)): Path<(String, String)>,
+    Strict(NoParameters {}): Strict<NoParameters>,
+) -> Result<Response, Problem> {
+    let which = parse_which(&seq).ok_or_else(|| {
+        Problem::not_found(format!(
+            "there is no frame {seq}: ask for a number or \"latest\""
+        ))
+    })?;
+    let stream = app
+        .registry
+        .get(&name)
+        .ok_or_else(|| Problem::no_stream(&name))?;
+    let frame = find(&stream, which)?;
+    Ok(([(header::CACHE_CONTROL, "no-cache")], Json(&frame.metrics)).into_response())
+}
+
+/// `GET /v1/streams/{stream}/metrics?last=N`.
+pub(super) async fn get_metrics(
+    State(app): State<Arc<App>>,
+    Name(name): Name,
+    Strict(range): Strict<Range>,
+) -> Result<Response, Problem> {
+    let stream = app
+        .registry
+        .get(&name)
+        .ok_or_else(|| Problem::no_stream(&name))?;
+    let frames = stream.last(range.last.unwrap_or(usize::MAX));
+    let list = MetricsList {
+        stream: name.to_string(),
+        frames: frames.iter().map(|frame| frame.metrics.clone()).collect(),
+    };
+    Ok(([(header::CACHE_CONTROL, "no-cache")], Json(list)).into_response())
+}
+
+fn find(stream: &Stream, which: Which) -> Result<Arc<Delivered>, Problem> {
+    let name = stream.name();
+    let seq = match which {
+        Which::Latest => {
+            return stream.newest().ok_or_else(|| {
+                Problem::not_found(format!("no frame of the stream {name} is out yet"))
+            });
+        }
+        Which::Number(seq) => seq,
+    };
+    match stream.find(seq) {
+        Some(Outcome::Delivered(frame)) => Ok(frame),
+        Some(Outcome::Lost(loss)) => Err(Problem::not_found(format!(
+            "frame {seq} of the stream {name} did not come out: {}",
+            match loss {
+                Loss::Overload => "it gave way to a newer one",
+                Loss::Failed => "it could not be processed",
+            }
+        ))),
+        None => Err(Problem::not_found(not_there(stream, name, seq))),
+    }
+}
+
+fn not_there(stream: &Stream, name: &StreamName, seq: u64) -> String {
+    let remembered = stream.last(usize::MAX);
+    match (remembered.first(), remembered.last()) {
+        (Some(oldest), Some(newest)) => format!(
+            "there is no frame {seq} in the stream {name}: it remembers frames {} to {}",
+            oldest.metrics.seq, newest.metrics.seq
+        ),
+        _ => format!("no frame of the stream {name} is out yet"),
+    }
+}
+
+/// Writes the frame in another format, on the pool.
+async fn convert(app: &App, frame: &Arc<Delivered>, format: Format) -> Result<Bytes, Problem> {
+    let frame = Arc::clone(frame);
+    let job = move || -> Option<Bytes> {
+        let bytes = match format {
+            Format::Glb => {
+                glb::wrap_draco(&frame.mesh, &DracoInfo::read(&frame.mesh, &UNLIMITED).ok()?)
+            }
+            _ => ply::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?),
+        };
+        Some(Bytes::from(bytes))
+    };
+    let converted = app.pool.run(job).await.ok().flatten();
+    converted.ok_or_else(|| Problem::defect("the frame could not be converted"))
+}
+
+fn parse_file(file: &str) -> Option<(Which, Format)> {
+    let (which, extension) = file.rsplit_once('.')?;
+    let format = match extension {
+        "drc" => Format::Drc,
+        "glb" => Format::Glb,
+        "ply" => Format::Ply,
+        _ => return None,
+    };
+    Some((parse_which(which)?, format))
+}
+
+fn parse_which(text: &str) -> Option<Which> {
+    match text {
+        "latest" => Some(Which::Latest),
+        // A plus sign, which `parse` would take, is not part of a number here.
+        _ if !text.bytes().all(|b| b.is_ascii_digit()) => None,
+        _ => text.parse().ok().map(Which::Number),
+    }
+}
+
+/// Whether the client has this version already (RFC 9110, 13.1.2).
+pub(super) fn is_current(headers: &HeaderMap, etag: &str) -> bool {
+    headers
+        .get_all(header::IF_NONE_MATCH)
+        .iter()
+        .filter_map(|value| value.to_str().ok())
+        .flat_map(|value| value.split(','))
+        .map(|tag| tag.trim())
+        .any(|tag| tag == "*" || tag.trim_start_matches("W/") == etag)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_a_number_or_latest_and_an_extension() {
+        assert_eq!(parse_file("41.drc"), Some((Which::Number(41), Format::Drc)));
+        assert_eq!(parse_file("latest.glb"), Some((Which::Latest, Format::Glb)));
+        for file in [
+            "41", "41.stl", ".drc", "-1.drc", "+1.drc", "4 1.drc", "latest",
+        ] {
+            assert_eq!(parse_file(file), None, "{file}");
+        }
+    }
+}

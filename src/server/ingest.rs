@@ -1,0 +1,205 @@
+//! Frames in, by POST.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::State;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use serde::Deserialize;
+use steadymesh_mesh_io::{Format, ReadError, sniff};
+use steadymesh_proto::stream::Accepted;
+use steadymesh_proto::{NativeFrame, metrics::FrameMetrics};
+
+use crate::streams::{Loss, Outcome, Refused, Stream, Submission};
+
+use super::App;
+use super::body;
+use super::error::Problem;
+use super::extract::{Name, Strict};
+use super::prefer::Wait;
+
+const TYPES: &str = "model/obj, model/ply, model/gltf-binary, application/vnd.draco, \
+                     application/vnd.steadymesh.frame, or application/octet-stream to let the \
+                     server find out";
+
+/// What a rig may say about a frame beside its mesh.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Stamps {
+    seq: Option<u64>,
+    capture_time_us: Option<u64>,
+}
+
+/// `POST /v1/streams/{stream}/frames`.
+pub(super) async fn post_frame(
+    State(app): State<Arc<App>>,
+    Name(name): Name,
+    stamps: Result<Strict<Stamps>, Problem>,
+    headers: HeaderMap,
+    request_body: Body,
+) -> Response {
+    let stamps = match stamps {
+        Ok(Strict(stamps)) => stamps,
+        Err(problem) => {
+            body::discard(request_body, &headers).await;
+            return problem.into_response();
+        }
+    };
+    let stream = match app.registry.get_or_create(&name) {
+        Ok(stream) => stream,
+        Err(error) => {
+            body::discard(request_body, &headers).await;
+            return Problem::from(error).into_response();
+        }
+    };
+    match take_frame(&app, &stream, stamps, &headers, request_body).await {
+        Ok(accepted) => answer(&stream, accepted, Wait::of(&headers)).await,
+        Err(problem) => {
+            if problem.is_rejection() {
+                stream.count_rejected();
+            }
+            problem.into_response()
+        }
+    }
+}
+
+/// Reads the body and hands it in.
+async fn take_frame(
+    app: &App,
+    stream: &Stream,
+    stamps: Stamps,
+    headers: &HeaderMap,
+    request_body: Body,
+) -> Result<Accepted, Problem> {
+    let refuse = async |problem, request_body| {
+        body::discard(request_body, headers).await;
+        Err(problem)
+    };
+    let declared = match declared_format(headers) {
+        Ok(declared) => declared,
+        Err(problem) => return refuse(problem, request_body).await,
+    };
+    // Before the body is read, so that a full queue holds no bodies.
+    let place = match stream.reserve() {
+        Ok(place) => place,
+        Err(refused) => return refuse(refused.into(), request_body).await,
+    };
+    let limits = body::Limits {
+        max_bytes: app.options.max_body_bytes,
+        timeout: app.options.body_timeout,
+    };
+    let bytes = body::read(request_body, headers, limits).await?;
+    let arrived = Instant::now();
+    let format = match declared {
+        Some(format) => format,
+        None => sniffed_format(&bytes)?,
+    };
+    let stamps = with_native_stamps(stamps, format, &bytes)?;
+    let submission = Submission {
+        bytes,
+        format,
+        seq: stamps.seq,
+        capture_time_us: stamps.capture_time_us,
+        arrived,
+    };
+    Ok(place.submit(submission).await?)
+}
+
+/// The format that the headers name; none if the server is to find out.
+fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
+    if let Some(encoding) = headers.get(header::CONTENT_ENCODING)
+        && !encoding.as_bytes().eq_ignore_ascii_case(b"identity")
+    {
+        return Err(Problem::unsupported_type(format!(
+            "the body has the Content-Encoding {}: send it as it is, since Draco and native \
+             frames do not become smaller by it",
+            String::from_utf8_lossy(encoding.as_bytes())
+        )));
+    }
+    let Some(content_type) = headers.get(header::CONTENT_TYPE) else {
+        return Ok(None);
+    };
+    let text = String::from_utf8_lossy(content_type.as_bytes());
+    let essence = text.split(';').next().unwrap_or_default().trim();
+    if essence.eq_ignore_ascii_case("application/octet-stream") {
+        return Ok(None);
+    }
+    match Format::from_content_type(essence) {
+        Some(format) => Ok(Some(format)),
+        None => Err(Problem::unsupported_type(format!(
+            "the Content-Type is {essence}: send {TYPES}"
+        ))),
+    }
+}
+
+fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
+    if bytes.is_empty() {
+        return Err(Refused::from(ReadError::EmptyBody).into());
+    }
+    sniff(bytes).ok_or_else(|| {
+        Problem::unsupported_type(format!(
+            "the body begins like none of OBJ, PLY, GLB, Draco and native frames: send one of \
+             these, and say which by its Content-Type: {TYPES}"
+        ))
+    })
+}
+
+/// A native frame says itself which one it is; the query has the last word.
+fn with_native_stamps(stamps: Stamps, format: Format, bytes: &Bytes) -> Result<Stamps, Problem> {
+    if format != Format::Native || bytes.is_empty() {
+        return Ok(stamps);
+    }
+    let own = NativeFrame::stamps(bytes).map_err(|error| Refused::from(ReadError::from(error)))?;
+    Ok(Stamps {
+        seq: stamps.seq.or(own.seq),
+        capture_time_us: stamps.capture_time_us.or(own.capture_time_us),
+    })
+}
+
+/// 202 at once, or 200 with the frame's metrics once it is out.
+async fn answer(stream: &Stream, accepted: Accepted, wait: Wait) -> Response {
+    let outcome = match wait {
+        Wait::No => return (StatusCode::ACCEPTED, Json(accepted)).into_response(),
+        Wait::UntilDone => stream.outcome(accepted.seq).await,
+        Wait::AtMost(patience) => {
+            match tokio::time::timeout(patience, stream.outcome(accepted.seq)).await {
+                Ok(outcome) => outcome,
+                Err(_) => return (StatusCode::ACCEPTED, Json(accepted)).into_response(),
+            }
+        }
+    };
+    match outcome {
+        Some(Outcome::Delivered(frame)) => waited_for(stream, &frame.metrics),
+        Some(Outcome::Lost(Loss::Overload)) => Problem::frame_lost(format!(
+            "frame {} gave way to a newer one, as the stream's overload setting (live) asks for",
+            accepted.seq
+        ))
+        .into_response(),
+        Some(Outcome::Lost(Loss::Failed)) => {
+            Problem::defect(format!("frame {} could not be processed", accepted.seq))
+                .into_response()
+        }
+        None => Problem::frame_lost(format!(
+            "the stream ended before frame {} was out, or has forgotten it",
+            accepted.seq
+        ))
+        .into_response(),
+    }
+}
+
+fn waited_for(stream: &Stream, metrics: &FrameMetrics) -> Response {
+    let location = format!("/v1/streams/{}/frames/{}.drc", stream.name(), metrics.seq);
+    let mut response = Json(metrics).into_response();
+    let headers = response.headers_mut();
+    let applied = HeaderName::from_static("preference-applied");
+    headers.insert(applied, HeaderValue::from_static("wait"));
+    // A name and a number are always a valid header.
+    if let Ok(location) = HeaderValue::from_str(&location) {
+        headers.insert(header::CONTENT_LOCATION, location);
+    }
+    response
+}

@@ -1,0 +1,58 @@
+//! The public route table.
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::extract::{DefaultBodyLimit, Request};
+use axum::response::IntoResponse;
+use axum::routing::{get, post, put};
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::trace::TraceLayer;
+
+use super::error::Problem;
+use super::{App, control, frames, ingest, player, subscribe};
+
+/// A configuration is a few hundred bytes.
+const MAX_DOCUMENT_BYTES: usize = 64 << 10;
+
+/// Everything that the public listener answers.
+pub(super) fn router(app: Arc<App>) -> Router {
+    let stream = put(control::put_stream)
+        .get(control::get_stream)
+        .delete(control::delete_stream);
+    let frame_metrics = get(frames::get_frame_metrics);
+    Router::new()
+        .route("/", get(player::index))
+        .route("/watch/{stream}", get(player::watch))
+        .route("/assets/{file}", get(player::asset))
+        .route("/draco/{file}", get(player::decoder))
+        .route("/v1/streams", get(control::list_streams))
+        .route("/v1/streams/{stream}", stream)
+        .route("/v1/streams/{stream}/frames", post(ingest::post_frame))
+        .route("/v1/streams/{stream}/frames/{file}", get(frames::get_frame))
+        .route("/v1/streams/{stream}/frames/{seq}/metrics", frame_metrics)
+        .route("/v1/streams/{stream}/metrics", get(frames::get_metrics))
+        .route("/v1/streams/{stream}/subscribe", get(subscribe::subscribe))
+        .fallback(not_found)
+        .method_not_allowed_fallback(method_not_allowed)
+        .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
+        .layer(CatchPanicLayer::custom(
+            |_: Box<dyn std::any::Any + Send>| {
+                Problem::defect("the request could not be answered").into_response()
+            },
+        ))
+        .layer(TraceLayer::new_for_http())
+        .with_state(app)
+}
+
+async fn not_found(request: Request) -> Problem {
+    Problem::not_found(format!(
+        "there is nothing at {}: streams are under /v1/streams, the player is at /",
+        request.uri().path()
+    ))
+}
+
+async fn method_not_allowed(request: Request) -> Problem {
+    let path = request.uri().path();
+    Problem::method_not_allowed(format!("{path} does not answer to {}", request.method()))
+}

@@ -1,0 +1,249 @@
+//! All live streams, by name.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use steadymesh_mesh_io::Limits;
+use steadymesh_proto::stream::{StreamConfig, StreamSummary};
+use tokio::sync::mpsc;
+use tokio_util::task::TaskTracker;
+
+use crate::compute::ComputePool;
+use crate::telemetry::Telemetry;
+
+use super::StreamName;
+use super::settings::{Configured, InvalidConfig};
+use super::stream::{Parts, Request, Stream};
+use super::task::Task;
+
+/// How long a stream that a first frame has made is kept if that frame cannot be used: such
+/// frames shall not fill the server with empty streams.
+const UNUSED_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// How streams are kept.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Most streams at a time.
+    pub max_streams: usize,
+    /// Frames of a stream that may wait to be read, and as many again that may wait to be
+    /// processed.
+    pub queue_depth: usize,
+    /// Frames that a stream remembers.
+    pub history: usize,
+    /// How far a reader may fall behind before it is taken to the newest frame, in frames.
+    pub subscriber_queue: usize,
+    /// How long a stream without frames is kept.
+    pub idle_timeout: Duration,
+    /// How large a frame may be.
+    pub limits: Limits,
+    /// What a stream's configuration leaves out.
+    pub defaults: StreamConfig,
+}
+
+/// Why a stream could not be made or changed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotConfigured {
+    /// A value is not usable.
+    #[error(transparent)]
+    Invalid(#[from] InvalidConfig),
+    /// There are as many streams as there may be.
+    #[error("there are {limit} streams already, which is the limit")]
+    TooManyStreams {
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The server is about to stop.
+    #[error("the server is stopping")]
+    Stopping,
+}
+
+/// All live streams. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Registry {
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    streams: Mutex<BTreeMap<StreamName, Arc<Stream>>>,
+    tasks: TaskTracker,
+    pool: Arc<ComputePool>,
+    telemetry: Arc<Telemetry>,
+    options: Options,
+}
+
+impl Registry {
+    /// No streams yet.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidConfig`] if the defaults cannot be used.
+    pub fn new(
+        options: Options,
+        pool: Arc<ComputePool>,
+        telemetry: Arc<Telemetry>,
+    ) -> Result<Self, InvalidConfig> {
+        let nothing = StreamConfig::default();
+        Configured::new(&options.defaults, &nothing, options.limits.max_faces)?;
+        Ok(Self {
+            shared: Arc::new(Shared {
+                streams: Mutex::default(),
+                tasks: TaskTracker::new(),
+                pool,
+                telemetry,
+                options,
+            }),
+        })
+    }
+
+    /// The stream of this name.
+    #[must_use]
+    pub fn get(&self, name: &StreamName) -> Option<Arc<Stream>> {
+        self.shared
+            .lock()
+            .get(name)
+            .filter(|stream| !stream.has_ended())
+            .cloned()
+    }
+
+    /// The stream of this name, made with the defaults if it is not there.
+    ///
+    /// # Errors
+    ///
+    /// [`NotConfigured::TooManyStreams`] and [`NotConfigured::Stopping`].
+    pub fn get_or_create(&self, name: &StreamName) -> Result<Arc<Stream>, NotConfigured> {
+        if let Some(stream) = self.get(name) {
+            return Ok(stream);
+        }
+        let configured = self.shared.check(&StreamConfig::default())?;
+        self.shared
+            .insert(name, configured, UNUSED_TIMEOUT)
+            .map(|(stream, _)| stream)
+    }
+
+    /// Makes a stream, or changes the one that is there. The second value tells whether it is
+    /// new.
+    ///
+    /// # Errors
+    ///
+    /// [`NotConfigured`].
+    pub fn configure(
+        &self,
+        name: &StreamName,
+        config: &StreamConfig,
+    ) -> Result<(Arc<Stream>, bool), NotConfigured> {
+        let configured = self.shared.check(config)?;
+        let (stream, is_new) =
+            self.shared
+                .insert(name, configured.clone(), self.shared.options.idle_timeout)?;
+        if !is_new {
+            stream.configure(configured);
+        }
+        Ok((stream, is_new))
+    }
+
+    /// Ends a stream at once; false if there is none of this name.
+    #[must_use]
+    pub fn delete(&self, name: &StreamName) -> bool {
+        let removed = self.shared.lock().remove(name);
+        let Some(stream) = removed.filter(|stream| !stream.has_ended()) else {
+            return false;
+        };
+        stream.request(Request::Delete);
+        true
+    }
+
+    /// What there is to see of all streams, by name.
+    #[must_use]
+    pub fn list(&self) -> Vec<StreamSummary> {
+        let streams: Vec<_> = self.shared.lock().values().cloned().collect();
+        let live = streams.iter().filter(|stream| !stream.has_ended());
+        live.map(|stream| stream.summary()).collect()
+    }
+
+    /// Takes no more frames, lets those that were accepted come out, and ends all streams;
+    /// after `patience`, whatever is left of them.
+    pub async fn shut_down(&self, patience: Duration) {
+        self.shared.tasks.close();
+        self.request_all(Request::Drain);
+        if tokio::time::timeout(patience, self.shared.tasks.wait())
+            .await
+            .is_err()
+        {
+            tracing::warn!("frames are left unfinished: they took too long");
+            self.request_all(Request::Delete);
+            self.shared.tasks.wait().await;
+        }
+    }
+
+    fn request_all(&self, request: Request) {
+        for stream in self.shared.lock().values() {
+            stream.request(request);
+        }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<StreamName, Arc<Stream>>> {
+        // Nothing that panics is done under this lock.
+        self.streams.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn check(&self, config: &StreamConfig) -> Result<Configured, InvalidConfig> {
+        Configured::new(
+            config,
+            &self.options.defaults,
+            self.options.limits.max_faces,
+        )
+    }
+
+    /// Makes a stream if there is none of this name.
+    fn insert(
+        self: &Arc<Self>,
+        name: &StreamName,
+        configured: Configured,
+        first_frame_timeout: Duration,
+    ) -> Result<(Arc<Stream>, bool), NotConfigured> {
+        let mut streams = self.lock();
+        streams.retain(|_, stream| !stream.has_ended());
+        if let Some(stream) = streams.get(name) {
+            return Ok((Arc::clone(stream), false));
+        }
+        if self.tasks.is_closed() {
+            return Err(NotConfigured::Stopping);
+        }
+        let options = &self.options;
+        let limit = options.max_streams;
+        if limit <= streams.len() {
+            return Err(NotConfigured::TooManyStreams { limit });
+        }
+        let (sender, intake) = mpsc::channel(options.queue_depth.max(1));
+        let parts = Parts {
+            name: name.clone(),
+            configured,
+            history: options.history,
+            subscriber_queue: options.subscriber_queue,
+            metrics: self.telemetry.stream(name.as_str()),
+        };
+        let stream = Arc::new(Stream::new(parts, sender));
+        let task = Task {
+            stream: Arc::clone(&stream),
+            intake,
+            pool: Arc::clone(&self.pool),
+            limits: options.limits,
+            queue_depth: options.queue_depth.max(1),
+            first_frame_timeout,
+            idle_timeout: options.idle_timeout,
+        };
+        streams.insert(name.clone(), Arc::clone(&stream));
+        let shared = Arc::clone(self);
+        self.tasks.spawn(async move {
+            task.run().await;
+            shared.lock().retain(|_, stream| !stream.has_ended());
+        });
+        tracing::info!(stream = %name, "stream created");
+        Ok((stream, true))
+    }
+}

@@ -1,0 +1,170 @@
+//! From a stream's configuration, as users write it, to the pipeline's settings.
+
+use steadymesh_proto::stream::{DracoConfig, MetricsMode, Overload, StreamConfig};
+
+use crate::pipeline::{InvalidSettings, Settings, TargetSize};
+
+/// Quantization that makes sense: below, a figure looks like building blocks; above, a
+/// 32-bit float has no more to give.
+pub const POSITION_BITS: std::ops::RangeInclusive<u8> = 6..=20;
+const MAX_SPEED: u8 = 10;
+
+/// A configuration that has been checked, with what it means.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Configured {
+    /// The configuration, defaults filled in.
+    pub config: StreamConfig,
+    /// The same for the pipeline.
+    pub settings: Settings,
+    /// What happens when frames come too fast.
+    pub overload: Overload,
+}
+
+/// Why a configuration cannot be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum InvalidConfig {
+    /// The two ways of giving a target exclude each other.
+    #[error("target_faces and target_ratio are both given: leave one of them out")]
+    TwoTargets,
+    /// The target is out of range.
+    #[error(transparent)]
+    Target(#[from] InvalidSettings),
+    /// Too coarse, or finer than a 32-bit float.
+    #[error(
+        "draco.position_bits is {found}: it must be from {} to {}",
+        POSITION_BITS.start(),
+        POSITION_BITS.end()
+    )]
+    PositionBits {
+        /// What was asked for.
+        found: u8,
+    },
+    /// Draco has no such speed.
+    #[error("draco.speed is {found}: it must be from 0 (smallest) to {MAX_SPEED} (fastest)")]
+    Speed {
+        /// What was asked for.
+        found: u8,
+    },
+}
+
+impl Configured {
+    /// Checks `asked`, and fills in what it leaves out from `defaults`, and what these leave
+    /// out from the pipeline's own.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidConfig`] names the value and its range.
+    pub fn new(
+        asked: &StreamConfig,
+        defaults: &StreamConfig,
+        max_faces: usize,
+    ) -> Result<Self, InvalidConfig> {
+        let own = Settings::default();
+        let target = target_of(asked)?.or(target_of(defaults)?);
+        let target = target.unwrap_or(own.target).check(max_faces)?;
+        let tracking = asked.tracking.or(defaults.tracking).unwrap_or(own.tracking);
+        let metrics = asked.metrics.or(defaults.metrics).unwrap_or_default();
+        let overload = asked.overload.or(defaults.overload).unwrap_or_default();
+        let (asked, defaults) = (asked.draco, defaults.draco);
+        let mut draco = own.draco;
+        if let Some(bits) = asked.position_bits.or(defaults.position_bits) {
+            if !POSITION_BITS.contains(&bits) {
+                return Err(InvalidConfig::PositionBits { found: bits });
+            }
+            draco.position_bits = bits;
+        }
+        if let Some(speed) = asked.speed.or(defaults.speed) {
+            if speed > MAX_SPEED {
+                return Err(InvalidConfig::Speed { found: speed });
+            }
+            draco.speed = speed;
+        }
+        let (target_faces, target_ratio) = match target {
+            TargetSize::Faces(faces) => (Some(faces), None),
+            TargetSize::Ratio(ratio) => (None, Some(ratio)),
+        };
+        Ok(Self {
+            config: StreamConfig {
+                target_faces,
+                target_ratio,
+                tracking: Some(tracking),
+                draco: DracoConfig {
+                    position_bits: Some(draco.position_bits),
+                    speed: Some(draco.speed),
+                },
+                metrics: Some(metrics),
+                overload: Some(overload),
+            },
+            settings: Settings {
+                target,
+                tracking,
+                draco,
+                measure: metrics == MetricsMode::Full,
+                ..own
+            },
+            overload,
+        })
+    }
+}
+
+fn target_of(config: &StreamConfig) -> Result<Option<TargetSize>, InvalidConfig> {
+    match (config.target_faces, config.target_ratio) {
+        (Some(_), Some(_)) => Err(InvalidConfig::TwoTargets),
+        (Some(faces), None) => Ok(Some(TargetSize::Faces(faces))),
+        (None, Some(ratio)) => Ok(Some(TargetSize::Ratio(ratio))),
+        (None, None) => Ok(None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use steadymesh_proto::metrics::Tracking;
+
+    fn parse(asked: &str, defaults: &str) -> Result<Configured, InvalidConfig> {
+        let config = |text| serde_json::from_str::<StreamConfig>(text).unwrap();
+        Configured::new(&config(asked), &config(defaults), 2_000_000)
+    }
+
+    #[test]
+    fn what_is_left_out_comes_from_the_defaults() {
+        let defaults = r#"{"target_ratio": 0.25, "tracking": "off", "draco": {"speed": 7}}"#;
+        let out = parse(r#"{"draco": {"position_bits": 14}}"#, defaults).unwrap();
+        assert_eq!(out.settings.target, TargetSize::Ratio(0.25));
+        assert_eq!(out.settings.tracking, Tracking::Off);
+        assert_eq!(
+            (out.settings.draco.position_bits, out.settings.draco.speed),
+            (14, 7)
+        );
+        assert_eq!(out.config.target_faces, None);
+        assert!(out.settings.measure);
+    }
+
+    #[test]
+    fn a_target_that_is_asked_for_replaces_a_default_of_the_other_kind() {
+        let out = parse(r#"{"target_faces": 500}"#, r#"{"target_ratio": 0.5}"#).unwrap();
+        assert_eq!(out.settings.target, TargetSize::Faces(500));
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_by_name() {
+        for (asked, name) in [
+            (r#"{"target_faces": 3}"#, "target_faces is 3"),
+            (
+                r#"{"target_faces": 9000000000}"#,
+                "target_faces is 9000000000",
+            ),
+            (r#"{"target_ratio": 0}"#, "target_ratio is 0"),
+            (r#"{"target_ratio": 0.5, "target_faces": 40}"#, "both given"),
+            (
+                r#"{"draco": {"position_bits": 40}}"#,
+                "draco.position_bits is 40",
+            ),
+            (r#"{"draco": {"speed": 11}}"#, "draco.speed is 11"),
+        ] {
+            let message = parse(asked, "{}").unwrap_err().to_string();
+            assert!(message.contains(name), "{asked}: {message}");
+        }
+    }
+}

@@ -1,0 +1,351 @@
+//! The task that owns one stream: frames in, in order, frames out, in order.
+//!
+//! Frames are read and repaired as they come; each is processed as soon as it and its
+//! predecessor are there and a thread is free, several at once if there are several threads;
+//! they leave in the order in which they came.
+//!
+//! Waiting frames are bounded by `queue_depth` twice: bodies that have not been read yet, and
+//! frames that have. When both are full, publishers are told to wait (`overload: lossless`), or
+//! the oldest frame that has been read is dropped for the newest one (`overload: live`).
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use futures_util::StreamExt;
+use futures_util::future::{BoxFuture, FutureExt, ready};
+use futures_util::stream::FuturesOrdered;
+use steadymesh_mesh_io::{Limits, read};
+use steadymesh_proto::metrics::StageTimes;
+use steadymesh_proto::stream::{Accepted, EndReason, Overload};
+use tokio::sync::{mpsc, oneshot, watch};
+
+use crate::compute::{ComputePool, JobPanicked};
+use crate::pipeline::{PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, process};
+use crate::stopwatch::{Stopwatch, microseconds};
+
+use super::history::Loss;
+use super::stream::{Incoming, Refused, Request, Stream, Submission};
+
+/// What a task works with.
+#[derive(Debug)]
+pub(super) struct Task {
+    pub stream: Arc<Stream>,
+    pub intake: mpsc::Receiver<Incoming>,
+    pub pool: Arc<ComputePool>,
+    pub limits: Limits,
+    pub queue_depth: usize,
+    /// How long a stream is kept before its first frame.
+    pub first_frame_timeout: Duration,
+    /// How long it is kept after its last.
+    pub idle_timeout: Duration,
+}
+
+/// What is known of a frame beside its mesh.
+#[derive(Debug, Clone, Copy)]
+struct Stamps {
+    seq: u64,
+    capture_time_us: Option<u64>,
+    arrived: Instant,
+}
+
+/// A body that has been read, with the way back to its sender.
+struct Read {
+    seq: Option<u64>,
+    capture_time_us: Option<u64>,
+    arrived: Instant,
+    byte_count: usize,
+    reply: oneshot::Sender<Result<Accepted, Refused>>,
+    prepared: Result<(PreparedFrame, StageTimes), Refused>,
+}
+
+/// An accepted frame that has not been started on.
+struct Waiting {
+    stamps: Stamps,
+    frame: Arc<PreparedFrame>,
+    times: StageTimes,
+}
+
+/// A frame that has been started on, or given up.
+struct Done {
+    stamps: Stamps,
+    reference_seq: Option<u64>,
+    outcome: Result<(ProcessedFrame, StageTimes), Lost>,
+}
+
+#[derive(Debug)]
+enum Lost {
+    Overload,
+    Failed(ProcessFailed),
+    Panicked,
+}
+
+/// Everything that changes while a stream lives.
+#[derive(Default)]
+struct State {
+    reading: FuturesOrdered<BoxFuture<'static, Read>>,
+    waiting: VecDeque<Waiting>,
+    processing: FuturesOrdered<BoxFuture<'static, Done>>,
+    /// How many of `processing` are jobs.
+    busy: usize,
+    previous: Option<(u64, Arc<PreparedFrame>)>,
+    latest_seq: Option<u64>,
+}
+
+impl Task {
+    /// Runs until the stream ends.
+    pub async fn run(mut self) {
+        let mut requests = self.stream.requests();
+        let mut state = State::default();
+        let reason = self.work(&mut state, &mut requests).await;
+        let unfinished = state.waiting.len() + state.processing.len();
+        if 0 < unfinished {
+            tracing::info!(stream = %self.stream.name(), unfinished, "frames discarded");
+        }
+        self.stream.counters.queued.store(0, Relaxed);
+        self.stream.end(reason);
+        tracing::info!(stream = %self.stream.name(), ?reason, "stream ended");
+    }
+
+    async fn work(
+        &mut self,
+        state: &mut State,
+        requests: &mut watch::Receiver<Request>,
+    ) -> EndReason {
+        let threads = self.pool.thread_count();
+        let idle = tokio::time::sleep(self.first_frame_timeout);
+        tokio::pin!(idle);
+        // Whether the intake is closed and empty.
+        let mut closed = false;
+        loop {
+            let has_room =
+                state.waiting.len() < self.queue_depth || self.overload() == Overload::Live;
+            tokio::select! {
+                biased;
+                // The stream, which holds the sender, lives as long as its task.
+                Ok(()) = requests.changed() => match *requests.borrow() {
+                    Request::Run => {}
+                    Request::Drain => self.intake.close(),
+                    Request::Delete => return EndReason::Deleted,
+                },
+                Some(done) = state.processing.next(), if !state.processing.is_empty() => {
+                    self.finish(done, state);
+                }
+                Some(read) = state.reading.next(), if has_room && !state.reading.is_empty() => {
+                    if self.admit(read, state) {
+                        idle.as_mut().reset(tokio::time::Instant::now() + self.idle_timeout);
+                    }
+                }
+                incoming = self.intake.recv(), if !closed && state.reading.len() < threads => {
+                    match incoming {
+                        Some(incoming) => state.reading.push_back(self.read(incoming, state.latest_seq)),
+                        None => closed = true,
+                    }
+                }
+                () = &mut idle, if state.is_empty() => return EndReason::Idle,
+            }
+            self.start(state, threads);
+            if closed && state.is_empty() {
+                return EndReason::Shutdown;
+            }
+        }
+    }
+
+    fn overload(&self) -> Overload {
+        self.stream.configured().overload
+    }
+
+    /// Parses and repairs a body on the pool.
+    fn read(&self, incoming: Incoming, latest_seq: Option<u64>) -> BoxFuture<'static, Read> {
+        let Incoming { submission, reply } = incoming;
+        let (seq, capture_time_us) = (submission.seq, submission.capture_time_us);
+        let (arrived, byte_count) = (submission.arrived, submission.bytes.len());
+        let read = move |prepared| Read {
+            seq,
+            capture_time_us,
+            arrived,
+            byte_count,
+            reply,
+            prepared,
+        };
+        if let Some(refused) = seq.and_then(|seq| goes_back(seq, latest_seq)) {
+            return ready(read(Err(refused))).boxed();
+        }
+        let (pool, limits) = (Arc::clone(&self.pool), self.limits);
+        async move {
+            let prepared = pool.run(move || prepare(&submission, &limits)).await;
+            read(prepared.unwrap_or(Err(Refused::Panicked)))
+        }
+        .boxed()
+    }
+
+    /// Gives a frame that could be read its place in the stream; false if it is refused, or has
+    /// one already.
+    fn admit(&self, read: Read, state: &mut State) -> bool {
+        let refused_again = read.seq.and_then(|seq| goes_back(seq, state.latest_seq));
+        let prepared = match refused_again {
+            Some(refused) => Err(refused),
+            None => read.prepared,
+        };
+        let (frame, times) = match prepared {
+            Ok(prepared) => prepared,
+            Err(refused) => {
+                let answer = match refused {
+                    // Sent again because an answer was lost: it is in already.
+                    Refused::SeqGoesBack { seq, latest } if seq == latest => Ok(Accepted {
+                        seq,
+                        queued: self.stream.counters.queued.load(Relaxed),
+                        duplicate: true,
+                    }),
+                    refused => Err(refused),
+                };
+                // Whoever has left does not want to know.
+                read.reply.send(answer).ok();
+                return false;
+            }
+        };
+        let seq = read
+            .seq
+            .unwrap_or_else(|| state.latest_seq.map_or(0, |latest| latest + 1));
+        state.latest_seq = Some(seq);
+        if state.waiting.len() >= self.queue_depth {
+            self.drop_oldest(state);
+        }
+        let stamps = Stamps {
+            seq,
+            capture_time_us: read.capture_time_us,
+            arrived: read.arrived,
+        };
+        let frame = Arc::new(frame);
+        state.waiting.push_back(Waiting {
+            stamps,
+            frame,
+            times,
+        });
+        self.stream.count_received(read.byte_count, read.arrived);
+        let queued = self.stream.counters.queued.fetch_add(1, Relaxed) + 1;
+        self.stream.metrics().queued.set(queued as i64);
+        let accepted = Accepted {
+            seq,
+            queued,
+            duplicate: false,
+        };
+        read.reply.send(Ok(accepted)).ok();
+        true
+    }
+
+    /// Makes room for a newer frame. The loss takes its turn like a frame, so that outcomes
+    /// become known in order.
+    fn drop_oldest(&self, state: &mut State) {
+        if let Some(oldest) = state.waiting.pop_front() {
+            let done = Done {
+                stamps: oldest.stamps,
+                reference_seq: None,
+                outcome: Err(Lost::Overload),
+            };
+            state.processing.push_back(ready(done).boxed());
+        }
+    }
+
+    /// Starts on as many waiting frames as there are threads for.
+    fn start(&self, state: &mut State, threads: usize) {
+        while state.busy < threads {
+            let Some(Waiting {
+                stamps,
+                frame,
+                times,
+            }) = state.waiting.pop_front()
+            else {
+                return;
+            };
+            state.busy += 1;
+            let previous = state.previous.replace((stamps.seq, Arc::clone(&frame)));
+            let (previous_seq, previous) = previous.unzip();
+            let (pool, configured) = (Arc::clone(&self.pool), self.stream.configured());
+            let job = move || {
+                let mut stopwatch = Stopwatch::resume(times);
+                let settings = &configured.settings;
+                process(&frame, previous.as_deref(), settings, &mut stopwatch)
+                    .map(|processed| (processed, stopwatch.times()))
+            };
+            state.processing.push_back(Box::pin(async move {
+                let outcome = match pool.run(job).await {
+                    Ok(Ok(processed)) => Ok(processed),
+                    Ok(Err(failed)) => Err(Lost::Failed(failed)),
+                    Err(JobPanicked) => Err(Lost::Panicked),
+                };
+                Done {
+                    stamps,
+                    reference_seq: previous_seq,
+                    outcome,
+                }
+            }));
+        }
+    }
+
+    /// Lets a frame out.
+    fn finish(&self, done: Done, state: &mut State) {
+        let Done {
+            stamps,
+            reference_seq,
+            outcome,
+        } = done;
+        let stream = &self.stream;
+        let queued = stream.counters.queued.fetch_sub(1, Relaxed) - 1;
+        stream.metrics().queued.set(queued as i64);
+        if !matches!(outcome, Err(Lost::Overload)) {
+            state.busy -= 1;
+        }
+        let loss = match outcome {
+            Ok((processed, times)) => {
+                let mut metrics = processed.metrics;
+                metrics.seq = stamps.seq;
+                metrics.capture_time_us = stamps.capture_time_us;
+                metrics.reference_seq = reference_seq.filter(|_| metrics.registration.is_some());
+                metrics.stage_us = times;
+                metrics.latency_us = microseconds(stamps.arrived.elapsed());
+                stream.deliver(metrics, &processed.draco);
+                return;
+            }
+            Err(Lost::Overload) => Loss::Overload,
+            Err(Lost::Failed(error)) => {
+                tracing::error!(stream = %stream.name(), seq = stamps.seq, %error, "frame lost");
+                Loss::Failed
+            }
+            Err(Lost::Panicked) => {
+                tracing::error!(stream = %stream.name(), seq = stamps.seq, "frame lost: a panic");
+                Loss::Failed
+            }
+        };
+        stream.lose(stamps.seq, loss, stamps.arrived.elapsed());
+    }
+}
+
+impl State {
+    fn is_empty(&self) -> bool {
+        self.reading.is_empty() && self.waiting.is_empty() && self.processing.is_empty()
+    }
+}
+
+/// Numbers ascend; one that does not is refused, or has been accepted before.
+fn goes_back(seq: u64, latest: Option<u64>) -> Option<Refused> {
+    let latest = latest?;
+    (seq <= latest).then_some(Refused::SeqGoesBack { seq, latest })
+}
+
+fn prepare(
+    submission: &Submission,
+    limits: &Limits,
+) -> Result<(PreparedFrame, StageTimes), Refused> {
+    let mut stopwatch = Stopwatch::start();
+    let mesh = read(&submission.bytes, submission.format, limits)?;
+    stopwatch.parsed();
+    let raw = RawFrame {
+        positions: mesh.positions,
+        faces: mesh.faces,
+        byte_count: submission.bytes.len(),
+    };
+    let frame = PreparedFrame::new(raw, &mut stopwatch)?;
+    Ok((frame, stopwatch.times()))
+}

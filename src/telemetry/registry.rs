@@ -1,0 +1,104 @@
+//! Everything that Prometheus scrapes.
+
+use std::sync::{Arc, Mutex};
+
+use prometheus::{Encoder, IntGauge, Registry, TextEncoder};
+
+use super::stream_metrics::{Families, Owners, StreamMetrics};
+
+/// The metrics of one server. They belong to it: two servers in one process do not mix.
+#[derive(Debug)]
+pub struct Telemetry {
+    registry: Registry,
+    families: Families,
+    /// Connections to the public listener.
+    pub connections: IntGauge,
+    owners: Arc<Mutex<Owners>>,
+}
+
+impl Telemetry {
+    /// Registers everything that does not belong to a stream.
+    ///
+    /// # Errors
+    ///
+    /// If two metrics have one name, which is a defect.
+    pub fn new() -> prometheus::Result<Self> {
+        let registry = Registry::new();
+        let build_info = IntGauge::with_opts(
+            prometheus::Opts::new("steadymesh_build_info", "The running version, always 1.")
+                .const_label("version", env!("CARGO_PKG_VERSION")),
+        )?;
+        build_info.set(1);
+        registry.register(Box::new(build_info))?;
+        let connections = IntGauge::new(
+            "steadymesh_subscriber_connections",
+            "Players connected by WebSocket, over all streams.",
+        )?;
+        registry.register(Box::new(connections.clone()))?;
+        #[cfg(target_os = "linux")]
+        registry.register(Box::new(
+            prometheus::process_collector::ProcessCollector::for_self(),
+        ))?;
+        let families = Families::register(&registry)?;
+        Ok(Self {
+            registry,
+            families,
+            connections,
+            owners: Arc::default(),
+        })
+    }
+
+    /// The series of a new stream. They end with the value that is returned.
+    #[must_use]
+    pub fn stream(&self, name: &str) -> StreamMetrics {
+        StreamMetrics::new(&self.families, &self.owners, name)
+    }
+
+    /// The text that Prometheus scrapes, and its content type.
+    #[must_use]
+    pub fn scrape(&self) -> (String, String) {
+        let encoder = TextEncoder::new();
+        let mut text = Vec::new();
+        // Writing to memory does not fail, and names were checked when they were registered.
+        if let Err(error) = encoder.encode(&self.registry.gather(), &mut text) {
+            tracing::error!(%error, "metrics could not be written");
+        }
+        let text = String::from_utf8_lossy(&text).into_owned();
+        (text, encoder.format_type().to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_series_of_a_stream_end_with_it() {
+        let telemetry = Telemetry::new().unwrap();
+        let stream = telemetry.stream("a");
+        stream.received.inc();
+        assert!(
+            telemetry
+                .scrape()
+                .0
+                .contains(r#"steadymesh_frames_received_total{stream="a"} 1"#)
+        );
+        drop(stream);
+        assert!(!telemetry.scrape().0.contains(r#"stream="a""#));
+    }
+
+    #[test]
+    fn a_stream_that_lingers_does_not_take_its_successors_series_away() {
+        let telemetry = Telemetry::new().unwrap();
+        let first = telemetry.stream("a");
+        first.received.inc();
+        let second = telemetry.stream("a");
+        drop(first);
+        let text = telemetry.scrape().0;
+        assert!(
+            text.contains(r#"steadymesh_frames_received_total{stream="a"} 0"#),
+            "{text}"
+        );
+        drop(second);
+    }
+}
