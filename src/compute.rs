@@ -8,18 +8,36 @@ use tokio::sync::{Semaphore, oneshot};
 /// How many threads, and how much may wait for them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Threads that compute.
+    /// Threads for long jobs; short ones have half as many of their own, at least one.
     pub threads: usize,
-    /// Jobs that may wait for a thread; whoever brings another one waits outside.
+    /// Jobs of either kind that may wait for a thread; whoever brings another one waits outside.
     pub queue: usize,
+}
+
+/// How long a job takes, roughly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Length {
+    /// A few milliseconds, with somebody waiting for an answer: reading a frame.
+    Short,
+    /// As long as a frame: registering and simplifying it.
+    Long,
 }
 
 /// Threads for everything that takes more than half a millisecond of CPU.
 ///
 /// Tokio's own blocking pool grows to hundreds of threads and does not skip a job whose caller
 /// has left; on a machine that is busy with geometry both would be felt by every stream.
+///
+/// Short jobs do not stand in line behind long ones: the operating system divides the cores
+/// among both, so that a publisher gets its answer on a busy server too.
 #[derive(Debug)]
 pub struct ComputePool {
+    short: Lane,
+    long: Lane,
+}
+
+#[derive(Debug)]
+struct Lane {
     threads: rayon::ThreadPool,
     slots: Arc<Semaphore>,
 }
@@ -36,22 +54,21 @@ impl ComputePool {
     ///
     /// If the system refuses a thread.
     pub fn new(options: Options) -> Result<Self, rayon::ThreadPoolBuildError> {
-        let threads = rayon::ThreadPoolBuilder::new()
-            .num_threads(options.threads)
-            .thread_name(|index| format!("compute-{index}"))
-            .build()?;
-        let slots = Arc::new(Semaphore::new(options.threads + options.queue));
-        Ok(Self { threads, slots })
+        let Options { threads, queue } = options;
+        Ok(Self {
+            short: Lane::new("short", threads.div_ceil(2), queue)?,
+            long: Lane::new("long", threads, queue)?,
+        })
     }
 
-    /// The number of threads.
+    /// The number of threads for long jobs.
     #[must_use]
     pub fn thread_count(&self) -> usize {
-        self.threads.current_num_threads()
+        self.long.threads.current_num_threads()
     }
 
-    /// Runs `job` on the pool and waits for its result. Callers take turns in the order in
-    /// which they came.
+    /// Runs `job` on the pool and waits for its result. Callers of one length take turns in the
+    /// order in which they came.
     ///
     /// Dropping the future before the job starts skips the job, so a client that hangs up
     /// costs nothing. A job that has started runs to its end.
@@ -61,12 +78,17 @@ impl ComputePool {
     /// [`JobPanicked`].
     pub async fn run<T: Send + 'static>(
         &self,
+        length: Length,
         job: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, JobPanicked> {
-        let slot = Arc::clone(&self.slots).acquire_owned().await;
+        let lane = match length {
+            Length::Short => &self.short,
+            Length::Long => &self.long,
+        };
+        let slot = Arc::clone(&lane.slots).acquire_owned().await;
         let (sender, receiver) = oneshot::channel();
         let span = tracing::Span::current();
-        self.threads.spawn_fifo(move || {
+        lane.threads.spawn_fifo(move || {
             // Given back when the job is through, however it ends.
             let _slot = slot;
             if sender.is_closed() {
@@ -79,6 +101,22 @@ impl ComputePool {
             }
         });
         receiver.await.map_err(|_| JobPanicked)
+    }
+}
+
+impl Lane {
+    fn new(
+        name: &'static str,
+        threads: usize,
+        queue: usize,
+    ) -> Result<Self, rayon::ThreadPoolBuildError> {
+        Ok(Self {
+            threads: rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .thread_name(move |index| format!("{name}-{index}"))
+                .build()?,
+            slots: Arc::new(Semaphore::new(threads + queue)),
+        })
     }
 }
 
@@ -95,9 +133,23 @@ mod tests {
     #[tokio::test]
     async fn a_job_that_panics_is_an_error_and_the_pool_goes_on() {
         let pool = pool(1, 1);
-        let outcome: Result<(), _> = pool.run(|| panic!("a defect")).await;
+        let outcome: Result<(), _> = pool.run(Length::Long, || panic!("a defect")).await;
         assert_eq!(outcome, Err(JobPanicked));
-        assert_eq!(pool.run(|| 2 + 2).await, Ok(4));
+        assert_eq!(pool.run(Length::Long, || 2 + 2).await, Ok(4));
+    }
+
+    #[tokio::test]
+    async fn a_short_job_does_not_wait_for_a_long_one() {
+        let pool = Arc::new(pool(1, 1));
+        let (release, blocked) = mpsc::channel::<()>();
+        let blocker = tokio::spawn({
+            let pool = Arc::clone(&pool);
+            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
+        });
+        tokio::task::yield_now().await;
+        assert_eq!(pool.run(Length::Short, || 7).await, Ok(7));
+        release.send(()).unwrap();
+        blocker.await.unwrap().unwrap();
     }
 
     #[tokio::test]
@@ -106,20 +158,23 @@ mod tests {
         let (release, blocked) = mpsc::channel::<()>();
         let blocker = tokio::spawn({
             let pool = Arc::clone(&pool);
-            async move { pool.run(move || blocked.recv().ok()).await }
+            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
         });
         tokio::task::yield_now().await;
         let runs = Arc::new(AtomicUsize::new(0));
         let left = tokio::spawn({
             let (pool, runs) = (Arc::clone(&pool), Arc::clone(&runs));
-            async move { pool.run(move || runs.fetch_add(1, Ordering::Relaxed)).await }
+            async move {
+                pool.run(Length::Long, move || runs.fetch_add(1, Ordering::Relaxed))
+                    .await
+            }
         });
         tokio::task::yield_now().await;
         left.abort();
         assert!(left.await.is_err());
         release.send(()).unwrap();
         blocker.await.unwrap().unwrap();
-        pool.run(|| ()).await.unwrap();
+        pool.run(Length::Long, || ()).await.unwrap();
         assert_eq!(runs.load(Ordering::Relaxed), 0);
     }
 
@@ -129,15 +184,15 @@ mod tests {
         let (release, blocked) = mpsc::channel::<()>();
         let blocker = tokio::spawn({
             let pool = Arc::clone(&pool);
-            async move { pool.run(move || blocked.recv().ok()).await }
+            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
         });
         tokio::task::yield_now().await;
         let second = tokio::spawn({
             let pool = Arc::clone(&pool);
-            async move { pool.run(|| ()).await }
+            async move { pool.run(Length::Long, || ()).await }
         });
         tokio::task::yield_now().await;
-        assert_eq!(pool.slots.available_permits(), 0);
+        assert_eq!(pool.long.slots.available_permits(), 0);
         release.send(()).unwrap();
         blocker.await.unwrap().unwrap();
         second.await.unwrap().unwrap();

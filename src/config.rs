@@ -45,7 +45,7 @@ pub struct Config {
 pub struct Compute {
     /// Threads; 0 for one per core.
     pub threads: usize,
-    /// Jobs that may wait for a thread.
+    /// Jobs of either kind, short and long, that may wait for a thread.
     pub queue: usize,
 }
 
@@ -75,7 +75,7 @@ pub struct RequestLimits {
 pub struct Streams {
     /// Most streams at a time.
     pub max: usize,
-    /// Frames of a stream that may wait to be read, and as many again to be processed.
+    /// Frames of a stream that may wait to be processed.
     pub queue_depth: usize,
     /// Frames that a stream remembers.
     pub history: usize,

@@ -12,6 +12,7 @@ use steadymesh_mesh_io::glb::DracoInfo;
 use steadymesh_mesh_io::{Format, Limits, drc, glb, ply};
 use steadymesh_proto::FrameMetrics;
 
+use crate::compute::Length;
 use crate::streams::{Delivered, Loss, Outcome, Stream, StreamName};
 
 use super::App;
@@ -180,7 +181,7 @@ async fn convert(app: &App, frame: &Arc<Delivered>, format: Format) -> Result<By
         };
         Some(Bytes::from(bytes))
     };
-    let converted = app.pool.run(job).await.ok().flatten();
+    let converted = app.pool.run(Length::Short, job).await.ok().flatten();
     converted.ok_or_else(|| Problem::defect("the frame could not be converted"))
 }
 

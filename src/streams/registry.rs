@@ -26,8 +26,7 @@ const UNUSED_TIMEOUT: Duration = Duration::from_secs(30);
 pub struct Options {
     /// Most streams at a time.
     pub max_streams: usize,
-    /// Frames of a stream that may wait to be read, and as many again that may wait to be
-    /// processed.
+    /// Frames of a stream that may wait to be processed.
     pub queue_depth: usize,
     /// Frames that a stream remembers.
     pub history: usize,

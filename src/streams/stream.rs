@@ -8,7 +8,7 @@ use bytes::Bytes;
 use steadymesh_mesh_io::{Format, ReadError};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::stream::{Accepted, EndReason, StreamCounters, StreamState, StreamSummary};
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
 
 use crate::pipeline::UnusableFrame;
 use crate::stopwatch::microseconds;
@@ -89,6 +89,7 @@ pub(super) enum Request {
 pub(super) struct Incoming {
     pub submission: Submission,
     pub reply: oneshot::Sender<Result<Accepted, Refused>>,
+    pub place: OwnedSemaphorePermit,
 }
 
 #[derive(Debug, Default)]
@@ -110,6 +111,7 @@ pub struct Stream {
     name: StreamName,
     created: SystemTime,
     intake: mpsc::Sender<Incoming>,
+    places: Arc<Semaphore>,
     request: watch::Sender<Request>,
     position: watch::Sender<Position>,
     configured: Mutex<Arc<Configured>>,
@@ -132,7 +134,10 @@ pub(super) struct Parts {
 
 /// A place in a stream's queue, taken before the body is read.
 #[derive(Debug)]
-pub struct Place(mpsc::OwnedPermit<Incoming>);
+pub struct Place {
+    place: OwnedSemaphorePermit,
+    intake: mpsc::Sender<Incoming>,
+}
 
 impl Place {
     /// Hands in a frame, and waits until it has been accepted or refused. Frames are taken in
@@ -143,17 +148,27 @@ impl Place {
     /// [`Refused`] says why the frame does not take part.
     pub async fn submit(self, submission: Submission) -> Result<Accepted, Refused> {
         let (reply, accepted) = oneshot::channel();
-        self.0.send(Incoming { submission, reply });
+        let incoming = Incoming {
+            submission,
+            reply,
+            place: self.place,
+        };
+        // The channel holds as many as there are places, so it is never full.
+        if self.intake.try_send(incoming).is_err() {
+            return Err(Refused::Ended);
+        }
         // A task that ends drops what it has not answered.
         accepted.await.unwrap_or(Err(Refused::Ended))
     }
 }
 
 impl Stream {
+    /// The channel's capacity is the number of places in the queue.
     pub(super) fn new(parts: Parts, intake: mpsc::Sender<Incoming>) -> Self {
         Self {
             name: parts.name,
             created: SystemTime::now(),
+            places: Arc::new(Semaphore::new(intake.max_capacity())),
             intake,
             request: watch::Sender::new(Request::Run),
             position: watch::Sender::new(Position::default()),
@@ -178,12 +193,14 @@ impl Stream {
     ///
     /// [`Refused::QueueFull`] and [`Refused::Ended`].
     pub fn reserve(&self) -> Result<Place, Refused> {
-        use mpsc::error::TrySendError::{Closed, Full};
-        match self.intake.clone().try_reserve_owned() {
-            Ok(permit) => Ok(Place(permit)),
-            Err(Full(_)) => Err(Refused::QueueFull),
-            Err(Closed(_)) => Err(Refused::Ended),
+        if self.intake.is_closed() {
+            return Err(Refused::Ended);
         }
+        let place = Arc::clone(&self.places).try_acquire_owned();
+        Ok(Place {
+            place: place.map_err(|_| Refused::QueueFull)?,
+            intake: self.intake.clone(),
+        })
     }
 
     /// Counts a frame that was refused.

@@ -4,9 +4,10 @@
 //! predecessor are there and a thread is free, several at once if there are several threads;
 //! they leave in the order in which they came.
 //!
-//! Waiting frames are bounded by `queue_depth` twice: bodies that have not been read yet, and
-//! frames that have. When both are full, publishers are told to wait (`overload: lossless`), or
-//! the oldest frame that has been read is dropped for the newest one (`overload: live`).
+//! Waiting frames are bounded by `queue_depth`. With `overload: lossless` a frame keeps its place
+//! in the queue until it is started on, and when there is no place publishers are told to wait.
+//! With `overload: live` it keeps it only until it has been read, and the oldest frame that has
+//! been read gives way to the newest one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -19,9 +20,9 @@ use futures_util::stream::FuturesOrdered;
 use steadymesh_mesh_io::{Limits, read};
 use steadymesh_proto::metrics::StageTimes;
 use steadymesh_proto::stream::{Accepted, EndReason, Overload};
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
 
-use crate::compute::{ComputePool, JobPanicked};
+use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, process};
 use crate::stopwatch::{Stopwatch, microseconds};
 
@@ -57,6 +58,7 @@ struct Read {
     arrived: Instant,
     byte_count: usize,
     reply: oneshot::Sender<Result<Accepted, Refused>>,
+    place: OwnedSemaphorePermit,
     prepared: Result<(PreparedFrame, StageTimes), Refused>,
 }
 
@@ -65,6 +67,8 @@ struct Waiting {
     stamps: Stamps,
     frame: Arc<PreparedFrame>,
     times: StageTimes,
+    /// Given back when the frame is started on.
+    _place: Option<OwnedSemaphorePermit>,
 }
 
 /// A frame that has been started on, or given up.
@@ -119,8 +123,6 @@ impl Task {
         // Whether the intake is closed and empty.
         let mut closed = false;
         loop {
-            let has_room =
-                state.waiting.len() < self.queue_depth || self.overload() == Overload::Live;
             tokio::select! {
                 biased;
                 // The stream, which holds the sender, lives as long as its task.
@@ -132,7 +134,7 @@ impl Task {
                 Some(done) = state.processing.next(), if !state.processing.is_empty() => {
                     self.finish(done, state);
                 }
-                Some(read) = state.reading.next(), if has_room && !state.reading.is_empty() => {
+                Some(read) = state.reading.next(), if !state.reading.is_empty() => {
                     if self.admit(read, state) {
                         idle.as_mut().reset(tokio::time::Instant::now() + self.idle_timeout);
                     }
@@ -152,13 +154,13 @@ impl Task {
         }
     }
 
-    fn overload(&self) -> Overload {
-        self.stream.configured().overload
-    }
-
     /// Parses and repairs a body on the pool.
     fn read(&self, incoming: Incoming, latest_seq: Option<u64>) -> BoxFuture<'static, Read> {
-        let Incoming { submission, reply } = incoming;
+        let Incoming {
+            submission,
+            reply,
+            place,
+        } = incoming;
         let (seq, capture_time_us) = (submission.seq, submission.capture_time_us);
         let (arrived, byte_count) = (submission.arrived, submission.bytes.len());
         let read = move |prepared| Read {
@@ -167,6 +169,7 @@ impl Task {
             arrived,
             byte_count,
             reply,
+            place,
             prepared,
         };
         if let Some(refused) = seq.and_then(|seq| goes_back(seq, latest_seq)) {
@@ -174,14 +177,15 @@ impl Task {
         }
         let (pool, limits) = (Arc::clone(&self.pool), self.limits);
         async move {
-            let prepared = pool.run(move || prepare(&submission, &limits)).await;
+            let prepared = pool
+                .run(Length::Short, move || prepare(&submission, &limits))
+                .await;
             read(prepared.unwrap_or(Err(Refused::Panicked)))
         }
         .boxed()
     }
 
-    /// Gives a frame that could be read its place in the stream; false if it is refused, or has
-    /// one already.
+    /// Lets a frame that could be read take part; false if it is refused, or does already.
     fn admit(&self, read: Read, state: &mut State) -> bool {
         let refused_again = read.seq.and_then(|seq| goes_back(seq, state.latest_seq));
         let prepared = match refused_again {
@@ -209,7 +213,8 @@ impl Task {
             .seq
             .unwrap_or_else(|| state.latest_seq.map_or(0, |latest| latest + 1));
         state.latest_seq = Some(seq);
-        if state.waiting.len() >= self.queue_depth {
+        let overload = self.stream.configured().overload;
+        if overload == Overload::Live && self.queue_depth <= state.waiting.len() {
             self.drop_oldest(state);
         }
         let stamps = Stamps {
@@ -222,6 +227,7 @@ impl Task {
             stamps,
             frame,
             times,
+            _place: (overload == Overload::Lossless).then_some(read.place),
         });
         self.stream.count_received(read.byte_count, read.arrived);
         let queued = self.stream.counters.queued.fetch_add(1, Relaxed) + 1;
@@ -255,6 +261,7 @@ impl Task {
                 stamps,
                 frame,
                 times,
+                ..
             }) = state.waiting.pop_front()
             else {
                 return;
@@ -270,7 +277,7 @@ impl Task {
                     .map(|processed| (processed, stopwatch.times()))
             };
             state.processing.push_back(Box::pin(async move {
-                let outcome = match pool.run(job).await {
+                let outcome = match pool.run(Length::Long, job).await {
                     Ok(Ok(processed)) => Ok(processed),
                     Ok(Err(failed)) => Err(Lost::Failed(failed)),
                     Err(JobPanicked) => Err(Lost::Panicked),

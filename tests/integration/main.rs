@@ -1,0 +1,15 @@
+//! The server over real sockets, as rigs, players and operators use it.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "this is test code"
+)]
+
+mod bad_input;
+mod control;
+mod frames;
+mod ingest;
+mod operations;
+mod subscribe;
+mod support;
