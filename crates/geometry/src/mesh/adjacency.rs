@@ -53,24 +53,47 @@ impl<T: Copy + Default> Rows<T> {
 /// The faces around each vertex, in ascending order.
 #[must_use]
 pub fn vertex_faces(mesh: &TriangleMesh) -> Rows {
-    let mut pairs = Vec::with_capacity(3 * mesh.face_count());
-    for (index, face) in mesh.faces().iter().enumerate() {
-        pairs.extend(face.iter().map(|&corner| (corner, index as u32)));
+    let mut starts = vec![0u32; mesh.vertex_count() + 1];
+    for &corner in mesh.faces().iter().flatten() {
+        starts[corner as usize + 1] += 1;
     }
-    Rows::from_pairs(mesh.vertex_count(), &pairs)
+    for vertex in 0..mesh.vertex_count() {
+        starts[vertex + 1] += starts[vertex];
+    }
+    let mut next = starts.clone();
+    let mut items = vec![0; 3 * mesh.face_count()];
+    for (index, face) in mesh.faces().iter().enumerate() {
+        for &corner in face {
+            items[next[corner as usize] as usize] = index as u32;
+            next[corner as usize] += 1;
+        }
+    }
+    Rows { starts, items }
 }
 
 /// The vertices that share an edge with each vertex (its one-ring), in ascending order.
 #[must_use]
 pub fn vertex_neighbors(mesh: &TriangleMesh) -> Rows {
-    let mut pairs = Vec::with_capacity(6 * mesh.face_count());
-    for &[a, b, c] in mesh.faces() {
-        pairs.extend([(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]);
+    let around = vertex_faces(mesh);
+    let mut neighbors = Rows {
+        starts: Vec::with_capacity(mesh.vertex_count() + 1),
+        items: Vec::with_capacity(3 * mesh.face_count()),
+    };
+    neighbors.starts.push(0);
+    let mut row = Vec::new();
+    for vertex in 0..mesh.vertex_count() {
+        row.clear();
+        let corners = around
+            .row(vertex)
+            .iter()
+            .flat_map(|&f| mesh.faces()[f as usize]);
+        row.extend(corners.filter(|&corner| corner as usize != vertex));
+        row.sort_unstable();
+        row.dedup();
+        neighbors.items.extend_from_slice(&row);
+        neighbors.starts.push(neighbors.items.len() as u32);
     }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs.retain(|(from, to)| from != to);
-    Rows::from_pairs(mesh.vertex_count(), &pairs)
+    neighbors
 }
 
 #[cfg(test)]

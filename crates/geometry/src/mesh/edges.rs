@@ -56,18 +56,21 @@ impl EdgeTable {
     pub fn non_manifold_count(&self) -> usize {
         self.iter().filter(|(_, faces)| 2 < faces.len()).count()
     }
+}
 
-    /// The mean length of the edges over `mesh`'s positions; 0 without edges.
-    #[must_use]
-    pub fn mean_length(&self, mesh: &TriangleMesh) -> f64 {
-        let p = mesh.positions();
-        let (sum, count) = self.iter().fold((0.0, 0usize), |(sum, count), (edge, _)| {
-            (
-                sum + (p[edge.0 as usize] - p[edge.1 as usize]).norm(),
-                count + 1,
-            )
-        });
-        if count == 0 { 0.0 } else { sum / count as f64 }
+/// The mean length of the edges of the faces, an edge counted once for every face on it; 0
+/// without faces.
+#[must_use]
+pub fn mean_edge(mesh: &TriangleMesh) -> f64 {
+    let perimeter = |face| {
+        let [a, b, c] = mesh.triangle(face);
+        (b - a).norm() + (c - b).norm() + (a - c).norm()
+    };
+    let sum: f64 = (0..mesh.face_count()).map(perimeter).sum();
+    if mesh.face_count() == 0 {
+        0.0
+    } else {
+        sum / (3 * mesh.face_count()) as f64
     }
 }
 

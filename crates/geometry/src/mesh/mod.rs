@@ -9,6 +9,6 @@ mod triangle_mesh;
 
 pub use adjacency::{Rows, vertex_faces, vertex_neighbors};
 pub use bounds::BoundingBox;
-pub use edges::{Edge, EdgeTable};
+pub use edges::{Edge, EdgeTable, mean_edge};
 pub use normals::{face_normal, face_normals, vertex_normals};
 pub use triangle_mesh::{InvalidMesh, MAX_COORDINATE, TriangleMesh};

@@ -2,8 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use crate::metrics::surface_distances;
-use crate::{Point, TriangleMesh};
+use crate::{Face, Point, TriangleMesh};
 
 use super::{RegistrationError, Target, nonrigid, rigid};
 
@@ -41,8 +40,8 @@ pub struct Registration {
 
 /// Carries `source` (frame k-1) onto `target` (frame k).
 ///
-/// The result never fits worse, by the mean distance of its vertices to the target's surface,
-/// than the rigid motion alone.
+/// The deformation is thrown away if the rigid motion alone fits better, by the mean distance of
+/// the samples to the target's surface.
 ///
 /// # Errors
 ///
@@ -62,13 +61,18 @@ pub fn register(
         .with_positions(moved)
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
     let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
-    let mut residuals = surface_distances(&deformed.positions, target.surface());
     let mut positions = deformed.positions;
-    let rigid_residuals = surface_distances(moved.positions(), target.surface());
-    let rigid_only = rigid_residuals.iter().sum::<f64>() < residuals.iter().sum::<f64>();
+    let mut residuals = residuals(source.faces(), &positions, target);
+    let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
+    let deformed_sum: f64 = deformed
+        .samples
+        .iter()
+        .map(|sample| residuals[sample.vertex as usize])
+        .sum();
+    let rigid_only = rigid_sum < deformed_sum;
     if rigid_only {
         positions = moved.positions().to_vec();
-        residuals = rigid_residuals;
+        residuals = self::residuals(source.faces(), &positions, target);
     }
     Ok(Registration {
         positions,
@@ -81,4 +85,32 @@ pub fn register(
         rigid_only,
         residuals,
     })
+}
+
+/// The distance of every position to the target's surface. A vertex is looked for where one of
+/// its neighbors was found.
+fn residuals(faces: &[Face], positions: &[Point], target: &Target) -> Vec<f64> {
+    let mut lowest_neighbors: Vec<u32> = (0..positions.len() as u32).collect();
+    for face in faces {
+        let lowest = face[0].min(face[1]).min(face[2]);
+        for &corner in face {
+            let neighbor = &mut lowest_neighbors[corner as usize];
+            *neighbor = lowest.min(*neighbor);
+        }
+    }
+    let mut found_on: Vec<u32> = Vec::with_capacity(positions.len());
+    let neighbors = lowest_neighbors.iter().enumerate();
+    neighbors
+        .zip(positions)
+        .map(|((vertex, &neighbor), position)| {
+            let surface = if (neighbor as usize) < vertex {
+                let guess = found_on[neighbor as usize];
+                target.surface().closest_from(position, guess)
+            } else {
+                target.surface().closest(position)
+            };
+            found_on.push(surface.face);
+            surface.distance
+        })
+        .collect()
 }

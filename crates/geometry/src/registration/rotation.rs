@@ -5,6 +5,9 @@ use nalgebra::Matrix3;
 /// Steps of the singular value decomposition; it needs about ten for any 3 x 3 matrix.
 const MAX_SVD_STEPS: usize = 100;
 
+/// Steps of Newton's iteration; what is close to a rotation needs three or four.
+const MAX_NEWTON_STEPS: usize = 10;
+
 /// The rotation closest to `matrix` in the Frobenius norm: proj_R of Eq. 3.
 ///
 /// `None` if the matrix is not finite. A matrix of rank one or none leaves a part of the
@@ -20,6 +23,9 @@ pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     if !matrix.iter().all(|entry| entry.is_finite()) {
         return None;
     }
+    if let Some(rotation) = polar_rotation(matrix) {
+        return Some(rotation);
+    }
     let svd = matrix.try_svd(true, true, f64::EPSILON, MAX_SVD_STEPS)?;
     let (mut u, v_t) = (svd.u?, svd.v_t?);
     if u.determinant() * v_t.determinant() < 0.0 {
@@ -27,6 +33,35 @@ pub fn nearest_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         u.column_mut(2).neg_mut();
     }
     Some(u * v_t)
+}
+
+/// The rotation in the polar decomposition of a matrix that is not far from one: then it is the
+/// closest, for a tenth of the time. `None` for a reflection and for what converges slowly.
+///
+/// # Source
+///
+/// Higham, "Computing the Polar Decomposition - with Applications", SIAM J. Sci. Stat. Comput.
+/// 7(4), 1986, <https://doi.org/10.1137/0907079>: X becomes (X + X⁻ᵀ) / 2, quadratically.
+fn polar_rotation(matrix: &Matrix3<f64>) -> Option<Matrix3<f64>> {
+    let mut x = *matrix;
+    for _ in 0..MAX_NEWTON_STEPS {
+        let (a, b, c) = (x.column(0), x.column(1), x.column(2));
+        let (bc, ca, ab) = (b.cross(&c), c.cross(&a), a.cross(&b));
+        let determinant = a.dot(&bc);
+        // Far from ±1 the first steps would only halve or double.
+        if !(0.05..20.0).contains(&determinant) {
+            return None;
+        }
+        // The columns of X⁻ᵀ times the determinant are the cross products.
+        let next = (x + Matrix3::from_columns(&[bc, ca, ab]) / determinant) / 2.0;
+        let change = (next - x).norm_squared();
+        x = next;
+        // The next change would be the square of this one: below rounding.
+        if change < 1e-17 {
+            return Some(x);
+        }
+    }
+    None
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What a source is registered onto: a surface ready for queries.
 
-use crate::mesh::{EdgeTable, face_normals};
+use crate::mesh::{face_normals, mean_edge};
 use crate::spatial::{SurfacePoint, TriangleTree};
 use crate::{Point, TriangleMesh, Vector};
 
@@ -24,7 +24,7 @@ impl Target {
     /// [`RegistrationError::Empty`] if it has no faces.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, RegistrationError> {
         let tree = TriangleTree::new(mesh).ok_or(RegistrationError::Empty { which: "target" })?;
-        let mean_edge = EdgeTable::of(mesh.faces()).mean_length(mesh);
+        let mean_edge = mean_edge(mesh);
         let diagonal = mesh.bounding_box().diagonal();
         let sum: Vector = mesh.positions().iter().map(|p| p.coords).sum();
         let centroid = Point::from(sum / mesh.vertex_count() as f64);
@@ -44,11 +44,14 @@ impl Target {
         (found, self.normals[found.face as usize])
     }
 
-    /// The same, told a face that is probably near (see [`TriangleTree::closest_from`]).
+    /// The unit normal of a face; zero if it has none.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such face.
     #[must_use]
-    pub fn closest_from(&self, query: &Point, guess: u32) -> (SurfacePoint, Vector) {
-        let found = self.tree.closest_from(query, guess);
-        (found, self.normals[found.face as usize])
+    pub fn normal(&self, face: u32) -> Vector {
+        self.normals[face as usize]
     }
 
     /// The tree over the surface.

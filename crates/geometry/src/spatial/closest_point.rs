@@ -11,7 +11,8 @@ use crate::Point;
 /// Ericson, "Real-Time Collision Detection", 2005, section 5.1.5: the Voronoi region of the
 /// triangle's features in which the point lies decides.
 #[must_use]
-pub fn closest_point_on_triangle(point: &Point, [a, b, c]: [Point; 3]) -> Point {
+#[inline]
+pub fn closest_point_on_triangle(point: &Point, &[a, b, c]: &[Point; 3]) -> Point {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -63,7 +64,7 @@ mod tests {
         fn no_sample_of_the_triangle_is_closer(
             p in point(), a in point(), b in point(), c in point(),
         ) {
-            let closest = closest_point_on_triangle(&p, [a, b, c]);
+            let closest = closest_point_on_triangle(&p, &[a, b, c]);
             let distance = (p - closest).norm();
             let steps = 40;
             for i in 0..=steps {
@@ -83,7 +84,7 @@ mod tests {
             Point::new(1., 0., 0.),
             Point::new(2., 0., 0.),
         ];
-        let closest = closest_point_on_triangle(&Point::new(1.5, 1.0, 0.0), line);
+        let closest = closest_point_on_triangle(&Point::new(1.5, 1.0, 0.0), &line);
         assert!((closest - Point::new(1.5, 0.0, 0.0)).norm() < 1e-12);
     }
 }

@@ -1,5 +1,6 @@
 //! Nearest things in space: a k-d tree over points and a tree of boxes over triangles.
 
+mod box_tree;
 mod closest_point;
 mod triangle_tree;
 mod vertex_tree;

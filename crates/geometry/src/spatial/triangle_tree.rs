@@ -1,13 +1,8 @@
 //! Closest point on a triangle mesh.
 
-use obvhs::BvhBuildParams;
-use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
-use std::time::Duration;
-
 use crate::{Point, TriangleMesh};
 
+use super::box_tree::BoxTree;
 use super::closest_point_on_triangle;
 
 /// The point of a surface that is closest to a query.
@@ -21,13 +16,16 @@ pub struct SurfacePoint {
     pub distance: f64,
 }
 
-/// A bounding-volume hierarchy over the faces of a mesh.
+/// A tree of boxes over the faces of a mesh.
 ///
 /// The boxes are in `f32`, relative to the mesh's own box and grown by more than their
 /// rounding; the triangles are in `f64`, so the distances are exact to rounding.
 pub struct TriangleTree {
-    hierarchy: Bvh2,
+    boxes: BoxTree,
+    /// In the order of the boxes.
     triangles: Vec<[Point; 3]>,
+    /// For every face, where its triangle is.
+    slots: Vec<u32>,
     origin: Point,
     scale: f64,
 }
@@ -44,8 +42,9 @@ impl std::fmt::Debug for TriangleTree {
 /// (6e-8) after one subtraction and one product.
 const BOX_MARGIN: f32 = 5e-7;
 
-/// Deep enough for 2^64 triangles in a balanced tree; deeper trees continue on the heap.
-const EXPECTED_DEPTH: usize = 64;
+/// Further away than this, in units of the mesh's diagonal, squares might leave `f32`: there
+/// every triangle is looked at.
+const FAR_AWAY: f32 = 1e15;
 
 impl TriangleTree {
     /// Builds the tree; `None` for a mesh without faces, which has no closest point.
@@ -60,20 +59,28 @@ impl TriangleTree {
             bounds.center(),
             if diagonal > 0.0 { 1.0 / diagonal } else { 1.0 },
         );
-        let triangles: Vec<_> = (0..mesh.face_count())
-            .map(|face| mesh.triangle(face))
-            .collect();
-        let boxes: Vec<Aabb> = triangles
+        let relative: Vec<[f32; 3]> = mesh
+            .positions()
             .iter()
-            .map(|t| grown_box(t, &origin, scale))
+            .map(|p| relative(p, &origin, scale))
             .collect();
-        let mut params = BvhBuildParams::fast_build();
-        params.pre_split = false;
-        // The builder reports its own build time, which nobody here asks for.
-        let hierarchy = build_bvh2(&boxes, params, &mut Duration::default());
+        let boxes = BoxTree::new(mesh.face_count(), |face| {
+            let corners = mesh.faces()[face as usize].map(|corner| relative[corner as usize]);
+            grown_box(corners)
+        });
+        let triangles = boxes
+            .items()
+            .iter()
+            .map(|&face| mesh.triangle(face as usize))
+            .collect();
+        let mut slots = vec![0; mesh.face_count()];
+        for (slot, &face) in boxes.items().iter().enumerate() {
+            slots[face as usize] = slot as u32;
+        }
         Some(Self {
-            hierarchy,
+            boxes,
             triangles,
+            slots,
             origin,
             scale,
         })
@@ -85,7 +92,7 @@ impl TriangleTree {
         self.closest_below(query, f64::INFINITY)
             .unwrap_or(SurfacePoint {
                 position: self.triangles[0][0],
-                face: 0,
+                face: self.boxes.items()[0],
                 distance: f64::INFINITY,
             })
     }
@@ -99,7 +106,8 @@ impl TriangleTree {
     /// If there is no such face.
     #[must_use]
     pub fn closest_from(&self, query: &Point, guess: u32) -> SurfacePoint {
-        let position = closest_point_on_triangle(query, self.triangles[guess as usize]);
+        let triangle = &self.triangles[self.slots[guess as usize] as usize];
+        let position = closest_point_on_triangle(query, triangle);
         let distance = (query - position).norm();
         let guessed = SurfacePoint {
             position,
@@ -109,65 +117,64 @@ impl TriangleTree {
         self.closest_below(query, distance).unwrap_or(guessed)
     }
 
+    /// The foot of the perpendicular from `query` to the plane of a face, if it is on the face.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such face.
+    #[must_use]
+    pub fn straight_below(&self, query: &Point, face: u32) -> Option<SurfacePoint> {
+        let [a, b, c] = self.triangles[self.slots[face as usize] as usize];
+        let (ab, ac, ap) = (b - a, c - a, query - a);
+        let normal = ab.cross(&ac);
+        let square = normal.norm_squared();
+        let (u, v) = (
+            ap.cross(&ac).dot(&normal) / square,
+            ab.cross(&ap).dot(&normal) / square,
+        );
+        let height = ap.dot(&normal);
+        // A face without area makes these NaN, which is not on it.
+        (0.0 <= u && 0.0 <= v && u + v <= 1.0).then(|| SurfacePoint {
+            position: query - normal * (height / square),
+            face,
+            distance: height.abs() / square.sqrt(),
+        })
+    }
+
     /// The point of the surface closest to `query`, if it is closer than `limit`.
     ///
     /// A tight limit saves most of the search.
     #[must_use]
     pub fn closest_below(&self, query: &Point, limit: f64) -> Option<SurfacePoint> {
-        let relative: [f32; 3] = ((query - self.origin) * self.scale)
-            .map(|c| c as f32)
-            .into();
         let mut best = Best {
             square: limit * limit,
             found: None,
         };
-        let mut stack: Vec<(f32, u32)> = Vec::with_capacity(EXPECTED_DEPTH);
-        stack.push((0.0, 0));
-        while let Some((box_square, node)) = stack.pop() {
-            if best.excludes(box_square, self.scale) {
-                continue;
+        let relative = relative(query, &self.origin, self.scale);
+        if relative.iter().all(|c| c.abs() < FAR_AWAY) {
+            let square_scale = self.scale * self.scale;
+            let bound = |square: f64| (square * square_scale * BOUND_MARGIN) as f32;
+            self.boxes
+                .visit_nearest(&relative, bound(best.square), |slot| {
+                    best.try_triangle(query, &self.triangles[slot as usize], slot);
+                    bound(best.square)
+                });
+        } else {
+            for (slot, triangle) in self.triangles.iter().enumerate() {
+                best.try_triangle(query, triangle, slot as u32);
             }
-            let node = &self.hierarchy.nodes[node as usize];
-            if node.is_leaf() {
-                self.visit_leaf(node.first_index, node.prim_count, query, &mut best);
-                continue;
-            }
-            let child = |index: u32| {
-                (
-                    square_distance(&relative, self.hierarchy.nodes[index as usize].aabb()),
-                    index,
-                )
-            };
-            let (left, right) = (child(node.first_index), child(node.first_index + 1));
-            let (near, far) = if left.0 <= right.0 {
-                (left, right)
-            } else {
-                (right, left)
-            };
-            stack.push(far);
-            stack.push(near);
         }
-        best.found.map(|(position, face)| SurfacePoint {
+        best.found.map(|(position, slot)| SurfacePoint {
             position,
-            face,
+            face: self.boxes.items()[slot as usize],
             distance: best.square.sqrt(),
         })
     }
-
-    fn visit_leaf(&self, first: u32, count: u32, query: &Point, best: &mut Best) {
-        for slot in first..first + count {
-            let face = self.hierarchy.primitive_indices[slot as usize];
-            let position = closest_point_on_triangle(query, self.triangles[face as usize]);
-            let square = (query - position).norm_squared();
-            if square < best.square {
-                *best = Best {
-                    square,
-                    found: Some((position, face)),
-                };
-            }
-        }
-    }
 }
+
+/// Boxes are grown by more than their own rounding; this factor on the squared distance covers
+/// that of the distance itself and of a query's coordinates away from the mesh.
+const BOUND_MARGIN: f64 = 1.0 + 4e-5;
 
 struct Best {
     square: f64,
@@ -175,35 +182,31 @@ struct Best {
 }
 
 impl Best {
-    /// Whether a box at this (relative) squared distance cannot hold anything closer.
-    fn excludes(&self, box_square: f32, scale: f64) -> bool {
-        // The box is grown by more than its own rounding; this factor covers that of the
-        // squared distance and of the query's coordinates far away from the mesh.
-        self.square * scale * scale * (1.0 + 1e-5) < f64::from(box_square) * (1.0 - 1e-5)
+    #[inline]
+    fn try_triangle(&mut self, query: &Point, triangle: &[Point; 3], slot: u32) {
+        let position = closest_point_on_triangle(query, triangle);
+        let square = (query - position).norm_squared();
+        if square < self.square {
+            *self = Self {
+                square,
+                found: Some((position, slot)),
+            };
+        }
     }
 }
 
-fn grown_box(triangle: &[Point; 3], origin: &Point, scale: f64) -> Aabb {
-    let mut bounds = Aabb::empty();
-    for corner in triangle {
-        let [x, y, z]: [f32; 3] = ((corner - origin) * scale).map(|c| c as f32).into();
-        bounds.extend([x, y, z].into());
-    }
-    bounds.min -= BOX_MARGIN;
-    bounds.max += BOX_MARGIN;
-    bounds
+fn relative(point: &Point, origin: &Point, scale: f64) -> [f32; 3] {
+    ((point - origin) * scale).map(|c| c as f32).into()
 }
 
-fn square_distance(point: &[f32; 3], bounds: &Aabb) -> f32 {
-    let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
-    (0..3)
-        .map(|axis| {
-            let outside = (min[axis] - point[axis])
-                .max(point[axis] - max[axis])
-                .max(0.0);
-            outside * outside
-        })
-        .sum()
+fn grown_box([a, b, c]: [[f32; 3]; 3]) -> [[f32; 3]; 2] {
+    let at = |axis: usize| [a[axis], b[axis], c[axis]];
+    let min = |[a, b, c]: [f32; 3]| a.min(b).min(c) - BOX_MARGIN;
+    let max = |[a, b, c]: [f32; 3]| a.max(b).max(c) + BOX_MARGIN;
+    [
+        [min(at(0)), min(at(1)), min(at(2))],
+        [max(at(0)), max(at(1)), max(at(2))],
+    ]
 }
 
 #[cfg(test)]
@@ -230,7 +233,7 @@ mod tests {
             let mesh = cloud_of_triangles(&corners, unit);
             let query = Point::from(query) * unit;
             let brute = (0..mesh.face_count())
-                .map(|f| (query - closest_point_on_triangle(&query, mesh.triangle(f))).norm())
+                .map(|f| (query - closest_point_on_triangle(&query, &mesh.triangle(f))).norm())
                 .fold(f64::INFINITY, f64::min);
             let tree = TriangleTree::new(&mesh).unwrap();
             prop_assert!((tree.closest(&query).distance - brute).abs() <= 1e-12 * unit);
@@ -239,6 +242,26 @@ mod tests {
                 prop_assert!((found.distance - brute).abs() <= 1e-12 * unit);
             }
         }
+    }
+
+    #[test]
+    fn a_query_beyond_the_range_of_f32_is_answered() {
+        let mesh = cloud_of_triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], 1e-9);
+        let tree = TriangleTree::new(&mesh).unwrap();
+        let found = tree.closest(&Point::new(1e18, 0.0, 0.0));
+        assert_eq!((found.face, found.distance), (0, 1e18));
+    }
+
+    #[test]
+    fn only_a_point_above_a_face_is_straight_above_it() {
+        let mesh = cloud_of_triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], 1.0);
+        let tree = TriangleTree::new(&mesh).unwrap();
+        let above = tree
+            .straight_below(&Point::new(0.25, 0.5, -2.0), 0)
+            .unwrap();
+        assert!((above.position - Point::new(0.25, 0.5, 0.0)).norm() < 1e-12);
+        assert!((above.distance - 2.0).abs() < 1e-12);
+        assert!(tree.straight_below(&Point::new(0.6, 0.6, 1.0), 0).is_none());
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Where each sample wants to go.
 
 use crate::registration::Target;
+use crate::spatial::SurfacePoint;
 use crate::{Point, Vector};
 
 use super::NodeTransforms;
-use super::energy::{Sample, affine_part};
+use super::energy::{Correspondence, Samples, affine_part};
 
 /// Beyond this many ν_a the weight of a pair is below 4e-6, and it is left out.
 const REACH_IN_SCALES: f64 = 5.0;
@@ -15,11 +16,14 @@ pub(super) struct Acceptance {
     pub scale: f64,
     /// The cosine of the largest angle between the normals.
     pub min_normal_cosine: f64,
+    /// Whether a sample that is still above the face where it was found last stays with it,
+    /// without looking for a closer one.
+    pub trust_last_faces: bool,
 }
 
 /// The search for correspondences, which remembers where it found the last ones.
 pub(super) struct Search<'a> {
-    pub samples: &'a [Sample],
+    pub samples: &'a Samples,
     pub normals: &'a [Vector],
     pub target: &'a Target,
     /// For every sample the face it was closest to last.
@@ -27,7 +31,8 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// u_ρ(i) of Eq. 3: the closest point of the target's surface to each deformed sample.
+    /// u_ρ(i) of Eq. 3: the closest point of the target's surface to each deformed sample, and
+    /// the surface's normal there.
     ///
     /// The paper takes the closest vertex. The closest point of the surface is what the vertices
     /// sample; with it a sample may slide along the surface, which halves the residual. `None`
@@ -37,35 +42,62 @@ impl Search<'_> {
         &mut self,
         transforms: &NodeTransforms,
         acceptance: &Acceptance,
-    ) -> Vec<Option<Point>> {
-        let reach = REACH_IN_SCALES * acceptance.scale;
-        self.samples
-            .iter()
-            .zip(self.normals)
-            .zip(&mut self.last_faces)
-            .map(|((sample, normal), last_face)| {
-                if sample.basis.is_empty() {
-                    return None;
-                }
-                let deformed = sample.deformed(transforms);
-                let (surface, surface_normal) = self.target.closest_from(&deformed, *last_face);
-                *last_face = surface.face;
-                let turned = turned_normal(sample, normal, transforms);
-                let agree = acceptance.min_normal_cosine <= turned.dot(&surface_normal);
-                (agree && surface.distance < reach).then_some(surface.position)
-            })
+    ) -> Vec<Option<Correspondence>> {
+        (0..self.samples.len())
+            .map(|sample| self.find_one(sample, transforms, acceptance))
             .collect()
+    }
+
+    fn find_one(
+        &mut self,
+        sample: usize,
+        transforms: &NodeTransforms,
+        acceptance: &Acceptance,
+    ) -> Option<Correspondence> {
+        if self.samples.basis(sample).is_empty() {
+            return None;
+        }
+        let deformed = self.samples.deformed(sample, transforms);
+        let surface = self.closest(sample, &deformed, acceptance.trust_last_faces);
+        self.last_faces[sample] = surface.face;
+        let face_normal = self.target.normal(surface.face);
+        let turned = self.turned_normal(sample, transforms);
+        let agree = acceptance.min_normal_cosine <= turned.dot(&face_normal);
+        let in_reach = surface.distance < REACH_IN_SCALES * acceptance.scale;
+        (agree && in_reach).then(|| Correspondence {
+            position: surface.position,
+            normal: normal_at(&surface, &deformed, face_normal, self.target.mean_edge()),
+        })
+    }
+
+    /// The closest point of the surface; or, if the last face may be trusted and has a point
+    /// straight below the sample, that one.
+    fn closest(&self, sample: usize, deformed: &Point, trust: bool) -> SurfacePoint {
+        let (surface, last) = (self.target.surface(), self.last_faces[sample]);
+        let straight = trust
+            .then(|| surface.straight_below(deformed, last))
+            .flatten();
+        straight.unwrap_or_else(|| surface.closest_from(deformed, last))
+    }
+
+    /// The normal of a deformed sample: its own, turned by the nodes' affine maps, which are
+    /// close to rotations.
+    fn turned_normal(&self, sample: usize, transforms: &NodeTransforms) -> Vector {
+        let normal = &self.normals[sample];
+        let mut turned = Vector::zeros();
+        for (node, basis) in self.samples.basis(sample) {
+            // The last entry of a basis is the node's weight.
+            turned += affine_part(&transforms[*node as usize]) * normal * basis[3];
+        }
+        turned.try_normalize(0.0).unwrap_or(*normal)
     }
 }
 
-/// The normal of a deformed sample: its own, turned by the nodes' affine maps, which are close
-/// to rotations.
-fn turned_normal(sample: &Sample, normal: &Vector, transforms: &NodeTransforms) -> Vector {
-    let turned: Vector = sample
-        .basis
-        .iter()
-        // The last entry of a basis is the node's weight.
-        .map(|(node, basis)| affine_part(&transforms[*node as usize]) * normal * basis[3])
-        .sum();
-    turned.try_normalize(0.0).unwrap_or(*normal)
+/// The direction to the closest point: the face's normal but where that point is on an edge or a
+/// corner. Next to the surface rounding would decide it, and the face does.
+fn normal_at(surface: &SurfacePoint, query: &Point, face_normal: Vector, mean_edge: f64) -> Vector {
+    if surface.distance <= 1e-6 * mean_edge {
+        return face_normal;
+    }
+    (query - surface.position) / surface.distance
 }

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use crate::mesh::{EdgeTable, Rows, vertex_neighbors};
+use crate::mesh::{Rows, mean_edge, vertex_neighbors};
 use crate::{Point, TriangleMesh, Vector};
 
 /// Where the nodes go and how far they reach.
@@ -21,7 +21,7 @@ pub struct GraphOptions {
 impl Default for GraphOptions {
     fn default() -> Self {
         Self {
-            node_spacing: 3.5,
+            node_spacing: 5.0,
             influence: 1.25,
             max_nodes: 1500,
         }
@@ -52,8 +52,7 @@ impl DeformationGraph {
     /// Places nodes on `mesh` so that every vertex is within the spacing of one.
     #[must_use]
     pub fn new(mesh: &TriangleMesh, options: &GraphOptions) -> Self {
-        let mean_edge = EdgeTable::of(mesh.faces()).mean_length(mesh);
-        let spacing = spacing_for(mesh, mean_edge, options);
+        let spacing = spacing_for(mesh, mean_edge(mesh), options);
         let reach = spacing * options.influence;
         let mut search = EdgeDistances::new(mesh);
         let mut covered = vec![false; mesh.vertex_count()];

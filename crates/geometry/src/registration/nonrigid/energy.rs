@@ -9,7 +9,7 @@
 use nalgebra::{Matrix3, Matrix4x3, RowVector3, RowVector4};
 
 use crate::registration::{nearest_rotation, welsch, welsch_weight};
-use crate::{Point, Vector};
+use crate::{Point, TriangleMesh, Vector};
 
 use super::DeformationGraph;
 
@@ -43,57 +43,124 @@ pub(super) struct Weights {
     pub rotation: f64,
 }
 
-/// How one source vertex depends on the unknowns.
-#[derive(Debug, Clone)]
-pub(super) struct Sample {
-    /// The nodes that move it, ascending, each with w_j·\[(v − p_j)ᵀ, 1\].
-    pub basis: Vec<(u32, RowVector4<f64>)>,
+/// How source vertices depend on the unknowns.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Samples {
+    /// Where each sample's part of `basis` ends.
+    ends: Vec<u32>,
+    /// The nodes that move a sample, ascending, each with w_j·\[(v − p_j)ᵀ, 1\].
+    basis: Vec<(u32, RowVector4<f64>)>,
     /// Σ_j w_j p_j.
-    pub offset: Vector,
+    offsets: Vec<Vector>,
 }
 
-impl Sample {
-    pub fn new(graph: &DeformationGraph, vertex: usize, position: &Point) -> Self {
-        let mut offset = Vector::zeros();
-        let basis = graph
-            .influences(vertex)
-            .iter()
-            .map(|share| {
+impl Samples {
+    /// The given vertices as samples, at their positions in `mesh`.
+    pub fn new(
+        graph: &DeformationGraph,
+        mesh: &TriangleMesh,
+        vertices: impl Iterator<Item = usize>,
+    ) -> Self {
+        let mut samples = Self::default();
+        for vertex in vertices {
+            let position = mesh.positions()[vertex];
+            let mut offset = Vector::zeros();
+            for share in graph.influences(vertex) {
                 let node = graph.nodes()[share.node as usize];
                 offset += node.coords * share.weight;
                 let d = position - node;
-                (
-                    share.node,
-                    RowVector4::new(d.x, d.y, d.z, 1.0) * share.weight,
-                )
-            })
-            .collect();
-        Self { basis, offset }
+                let basis = RowVector4::new(d.x, d.y, d.z, 1.0) * share.weight;
+                samples.basis.push((share.node, basis));
+            }
+            samples.ends.push(samples.basis.len() as u32);
+            samples.offsets.push(offset);
+        }
+        samples
+    }
+
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// The nodes that move a sample, each with w_j·\[(v − p_j)ᵀ, 1\].
+    #[inline]
+    pub fn basis(&self, sample: usize) -> &[(u32, RowVector4<f64>)] {
+        let start = if sample == 0 {
+            0
+        } else {
+            self.ends[sample - 1]
+        };
+        &self.basis[start as usize..self.ends[sample] as usize]
+    }
+
+    /// The part of v̂ that is linear in the unknowns.
+    #[inline]
+    pub fn linear(&self, sample: usize, transforms: &[Matrix4x3<f64>]) -> Vector {
+        let mut sum = RowVector3::zeros();
+        for (node, basis) in self.basis(sample) {
+            sum += basis * transforms[*node as usize];
+        }
+        sum.transpose()
     }
 
     /// v̂ of Eq. 2.
-    pub fn deformed(&self, transforms: &NodeTransforms) -> Point {
-        let linear: RowVector3<f64> = self
-            .basis
-            .iter()
-            .map(|(node, basis)| basis * transforms[*node as usize])
-            .sum();
-        Point::from(linear.transpose() + self.offset)
+    #[inline]
+    pub fn deformed(&self, sample: usize, transforms: &[Matrix4x3<f64>]) -> Point {
+        Point::from(self.linear(sample, transforms) + self.offsets[sample])
     }
+}
+
+/// Where a sample wants to go: a point of the target's surface, and the direction in which
+/// leaving it counts in full.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Correspondence {
+    pub position: Point,
+    /// Of unit length.
+    pub normal: Vector,
+}
+
+/// What a step along the surface counts relative to one away from it. Not 0, so that a flat
+/// sheet does not swim.
+const SLIDING_WEIGHT: f64 = 0.1;
+
+impl Correspondence {
+    /// W·(v − u) with W = μ I + (1 − μ) n nᵀ.
+    #[inline]
+    pub fn pull(&self, gap: &Vector) -> Vector {
+        gap * SLIDING_WEIGHT + self.normal * ((1.0 - SLIDING_WEIGHT) * self.normal.dot(gap))
+    }
+
+    /// (v − u)ᵀ W (v − u).
+    #[inline]
+    pub fn square(&self, gap: &Vector) -> f64 {
+        gap.dot(&self.pull(gap))
+    }
+}
+
+/// The mean of W's eigenvalues: what stands for W where x, y and z are to be one system.
+pub(super) const MEAN_WEIGHT: f64 = (1.0 + 2.0 * SLIDING_WEIGHT) / 3.0;
+
+/// A sample's term in the surrogate: c_i, the sample and where it wants to go.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pull {
+    pub sample: u32,
+    pub weight: f64,
+    pub to: Correspondence,
 }
 
 /// What does not change over the rounds: samples, graph and weights.
 pub(super) struct Problem<'a> {
     pub graph: &'a DeformationGraph,
-    pub samples: &'a [Sample],
+    pub samples: &'a Samples,
     pub weights: Weights,
 }
 
-/// The surrogate of one round: Σ c_i ‖v̂_i − u_i‖² + Σ c_ij ‖D_ij‖² + β Σ ‖A_j − proj A_j‖²,
-/// whose weights c make it majorize Eq. 3 (for fixed correspondences) up to a constant.
+/// The surrogate of one round: Σ c_i (v̂_i − u_i)ᵀ W_i (v̂_i − u_i) +
+/// Σ c_ij ‖D_ij‖² + β Σ ‖A_j − proj A_j‖², whose weights c make it majorize Eq. 3 (for fixed correspondences,
+/// and with W's norm in place of the plain one) up to a constant.
 pub(super) struct Surrogate {
-    /// For every sample with a correspondence: its index, c_i and u_i.
-    pub alignment: Vec<(u32, f64, Point)>,
+    /// The samples that have a correspondence.
+    pub alignment: Vec<Pull>,
     /// For every graph edge and both of its directions (i to j, j to i): c_ij.
     pub smoothness: Vec<[f64; 2]>,
 }
@@ -111,24 +178,41 @@ impl Problem<'_> {
         moved - d - xi.row(3).transpose()
     }
 
+    /// The part of D_ij that is linear in the unknowns.
+    pub fn edge_gap_change(&self, (i, j): (u32, u32), step: &[Matrix4x3<f64>]) -> RowVector3<f64> {
+        let [basis_j, _] = self.edge_basis((i, j));
+        basis_j * step[j as usize] - step[i as usize].row(3)
+    }
+
+    /// How D_ij depends on X_j and on X_i.
+    pub fn edge_basis(&self, (i, j): (u32, u32)) -> [RowVector4<f64>; 2] {
+        let d = self.graph.nodes()[i as usize] - self.graph.nodes()[j as usize];
+        [
+            RowVector4::new(d.x, d.y, d.z, 1.0),
+            RowVector4::new(0.0, 0.0, 0.0, -1.0),
+        ]
+    }
+
     /// Majorizes the energy at `transforms`.
     pub fn surrogate(
         &self,
         transforms: &NodeTransforms,
-        targets: &[Option<Point>],
+        targets: &[Option<Correspondence>],
         scales: Scales,
     ) -> Surrogate {
         let curvature = |scale: f64| 0.5 / (scale * scale);
-        let alignment = self
-            .samples
+        let alignment = targets
             .iter()
-            .zip(targets)
             .enumerate()
-            .filter_map(|(index, (sample, target))| {
-                let target = (*target)?;
-                let residual = (sample.deformed(transforms) - target).norm();
-                let weight = welsch_weight(residual, scales.alignment);
-                Some((index as u32, weight * curvature(scales.alignment), target))
+            .filter_map(|(index, target)| {
+                let to = (*target)?;
+                let gap = self.samples.deformed(index, transforms) - to.position;
+                let weight = welsch_weight(to.square(&gap).sqrt(), scales.alignment);
+                Some(Pull {
+                    sample: index as u32,
+                    weight: weight * curvature(scales.alignment),
+                    to,
+                })
             })
             .collect();
         let edge_weight = |edge| {
@@ -152,9 +236,9 @@ impl Problem<'_> {
         let alignment: f64 = surrogate
             .alignment
             .iter()
-            .map(|(index, weight, target)| {
-                let deformed = self.samples[*index as usize].deformed(transforms);
-                weight * (deformed - target).norm_squared()
+            .map(|pull| {
+                let deformed = self.samples.deformed(pull.sample as usize, transforms);
+                pull.weight * pull.to.square(&(deformed - pull.to.position))
             })
             .sum();
         let smoothness: f64 = self
@@ -175,19 +259,16 @@ impl Problem<'_> {
     pub fn energy(
         &self,
         transforms: &NodeTransforms,
-        targets: &[Option<Point>],
+        targets: &[Option<Correspondence>],
         scales: Scales,
     ) -> f64 {
-        let alignment: f64 = self
-            .samples
+        let alignment: f64 = targets
             .iter()
-            .zip(targets)
-            .map(|(sample, target)| {
-                target.map_or(1.0, |target| {
-                    welsch(
-                        (sample.deformed(transforms) - target).norm(),
-                        scales.alignment,
-                    )
+            .enumerate()
+            .map(|(index, target)| {
+                target.map_or(1.0, |to| {
+                    let gap = self.samples.deformed(index, transforms) - to.position;
+                    welsch(to.square(&gap).sqrt(), scales.alignment)
                 })
             })
             .sum();

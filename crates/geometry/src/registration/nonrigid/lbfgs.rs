@@ -8,14 +8,12 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Matrix4x3;
-
 use crate::registration::RegistrationError;
 
-use super::direct::Minimum;
-use super::energy::{Problem, Surrogate};
-use super::system::{Factorised, System};
-use super::{NodeTransforms, Options};
+use super::Options;
+use super::direct::{Minimum, add_scaled, dot};
+use super::normal_equations::{Blocks, NormalEquations};
+use super::system::Factorised;
 
 /// Pairs of steps and gradient changes that are remembered (Fast-RNRR uses 5).
 const MEMORY: usize = 5;
@@ -24,33 +22,25 @@ const ARMIJO: f64 = 1e-4;
 /// Halvings of the step before the search gives up.
 const MAX_HALVINGS: usize = 20;
 
-type Blocks = Vec<Matrix4x3<f64>>;
-
+/// Lowers the surrogate from `start`, which comes with its value.
 pub(super) fn minimize(
-    problem: &Problem<'_>,
-    system: &System,
-    surrogate: &Surrogate,
-    (start, options): (&NodeTransforms, &Options),
+    equations: &NormalEquations<'_>,
+    factorised: &Factorised,
+    start: Minimum,
+    options: &Options,
 ) -> Result<Minimum, RegistrationError> {
-    let factorised = system.factorise(problem, surrogate, start)?;
-    let value = problem.surrogate_value(surrogate, start);
-    let mut best = Minimum {
-        transforms: start.clone(),
-        value,
-        iterations: 0,
-    };
-    let mut gradient = factorised.half_gradient(problem, surrogate, start)?;
+    let mut best = start;
+    let mut gradient = equations.half_gradient(&best.transforms)?;
     let mut memory = Memory::default();
     for _ in 0..options.max_inner_iterations {
-        let direction = memory.direction(&factorised, &gradient)?;
+        let direction = memory.direction(factorised, &gradient)?;
         // `gradient` is half of the gradient, hence the factor.
         let slope = 2.0 * dot(&gradient, &direction);
         best.iterations += 1;
-        let Some((transforms, value)) = line_search(problem, surrogate, &best, (&direction, slope))
-        else {
+        let Some((transforms, value)) = line_search(equations, &best, (&direction, slope)) else {
             break;
         };
-        let next_gradient = factorised.half_gradient(problem, surrogate, &transforms)?;
+        let next_gradient = equations.half_gradient(&transforms)?;
         memory.push(
             difference(&transforms, &best.transforms),
             difference(&next_gradient, &gradient),
@@ -65,20 +55,21 @@ pub(super) fn minimize(
 }
 
 fn line_search(
-    problem: &Problem<'_>,
-    surrogate: &Surrogate,
+    equations: &NormalEquations<'_>,
     from: &Minimum,
     (direction, slope): (&Blocks, f64),
-) -> Option<(NodeTransforms, f64)> {
+) -> Option<(Blocks, f64)> {
     let mut step = 1.0;
     for _ in 0..MAX_HALVINGS {
-        let transforms: NodeTransforms = from
+        let transforms: Blocks = from
             .transforms
             .iter()
             .zip(direction)
             .map(|(x, d)| x + d * step)
             .collect();
-        let value = problem.surrogate_value(surrogate, &transforms);
+        let value = equations
+            .problem
+            .surrogate_value(equations.surrogate, &transforms);
         if value < from.value && value <= from.value + ARMIJO * step * slope {
             return Some((transforms, value));
         }
@@ -128,16 +119,6 @@ impl Memory {
     }
 }
 
-fn dot(a: &Blocks, b: &Blocks) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
-}
-
 fn difference(a: &Blocks, b: &Blocks) -> Blocks {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
-}
-
-fn add_scaled(sum: &mut Blocks, term: &Blocks, factor: f64) {
-    sum.iter_mut()
-        .zip(term)
-        .for_each(|(sum, term)| *sum += term * factor);
 }

@@ -20,6 +20,7 @@ mod deformation_graph;
 mod direct;
 mod energy;
 mod lbfgs;
+mod normal_equations;
 mod options;
 mod outer_loop;
 mod system;
@@ -27,7 +28,7 @@ mod system;
 pub use deformation_graph::{DeformationGraph, GraphOptions, Influence};
 pub use energy::{NodeTransforms, Scales};
 pub use options::{Options, Solver};
-pub use outer_loop::{NonRigidRegistration, register};
+pub use outer_loop::{NonRigidRegistration, Sampled, register};
 
 #[cfg(test)]
 mod tests;

@@ -61,9 +61,9 @@ impl Default for Options {
             initial_scale_quantile: 0.999,
             smoothness_scale_ratio: 2.0,
             max_normal_angle_degrees: 80.0,
-            rounds_per_scale: 3,
-            final_rounds: 12,
-            max_inner_iterations: 4,
+            rounds_per_scale: 2,
+            final_rounds: 6,
+            max_inner_iterations: 1,
             inner_tolerance: 1e-4,
             motion_tolerance: 0.02,
         }

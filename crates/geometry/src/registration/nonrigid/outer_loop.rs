@@ -8,7 +8,9 @@ use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh, Vector};
 
 use super::correspondences::{Acceptance, Search};
-use super::energy::{Problem, Sample, Weights, identity_transforms};
+use super::direct::Minimum;
+use super::energy::{Correspondence, Problem, Samples, Weights, identity_transforms};
+use super::normal_equations::NormalEquations;
 use super::system::System;
 use super::{DeformationGraph, NodeTransforms, Options, Scales, Solver, direct, lbfgs};
 
@@ -17,6 +19,8 @@ use super::{DeformationGraph, NodeTransforms, Options, Scales, Solver, direct, l
 pub struct NonRigidRegistration {
     /// The deformed position of every source vertex.
     pub positions: Vec<Point>,
+    /// The source vertices that looked for correspondences, ascending.
+    pub samples: Vec<Sampled>,
     /// Nodes of the deformation graph.
     pub node_count: usize,
     /// Rounds of correspondences, over all scales.
@@ -27,6 +31,15 @@ pub struct NonRigidRegistration {
     pub matched_share: f64,
     /// The energy of Eq. 3 at the end, for the last correspondences, scales and weights.
     pub energy: f64,
+}
+
+/// A source vertex that looked for correspondences.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sampled {
+    /// The vertex.
+    pub vertex: u32,
+    /// Its distance to the target's surface before the deformation.
+    pub distance: f64,
 }
 
 /// Deforms `source`, rigidly aligned already, onto `target`. Equal inputs give equal bits.
@@ -55,9 +68,9 @@ pub fn register(
     let system = System::new(&problem)?;
     let transforms = identity_transforms(graph.nodes().len());
     let initial: Vec<SurfacePoint> = sampling
-        .samples
+        .vertices
         .iter()
-        .map(|sample| target.closest(&sample.deformed(&transforms)).0)
+        .map(|&v| target.surface().closest(&source.positions()[v]))
         .collect();
     let mut rounds = Rounds {
         problem: &problem,
@@ -93,8 +106,15 @@ pub fn register(
     if !positions.iter().all(|p| p.iter().all(|c| c.is_finite())) {
         return Err(RegistrationError::NotFinite { step: "non-rigid" });
     }
+    let samples = sampling.vertices.iter().zip(&initial);
     Ok(NonRigidRegistration {
         positions,
+        samples: samples
+            .map(|(&vertex, surface)| Sampled {
+                vertex: vertex as u32,
+                distance: surface.distance,
+            })
+            .collect(),
         node_count: graph.nodes().len(),
         rounds,
         inner_iterations,
@@ -109,13 +129,14 @@ fn deformed_positions(
     graph: &DeformationGraph,
     transforms: &NodeTransforms,
 ) -> Vec<Point> {
+    let all = Samples::new(graph, source, 0..source.vertex_count());
     let positions = source.positions().iter().enumerate();
     positions
         .map(|(vertex, position)| {
             if graph.influences(vertex).is_empty() {
                 return *position;
             }
-            Sample::new(graph, vertex, position).deformed(transforms)
+            all.deformed(vertex, transforms)
         })
         .collect()
 }
@@ -148,24 +169,21 @@ fn alignment_scales(
 
 /// The source vertices that look for correspondences.
 struct Sampling {
-    samples: Vec<Sample>,
+    vertices: Vec<usize>,
+    samples: Samples,
     normals: Vec<Vector>,
 }
 
 impl Sampling {
     fn new(source: &TriangleMesh, graph: &DeformationGraph, count: usize) -> Self {
         let stride = (source.vertex_count() / count.max(1)).max(1);
-        let vertices = (0..source.vertex_count()).step_by(stride);
+        let vertices: Vec<usize> = (0..source.vertex_count()).step_by(stride).collect();
         let all_normals = vertex_normals(source);
-        let (samples, normals) = vertices
-            .map(|v| {
-                (
-                    Sample::new(graph, v, &source.positions()[v]),
-                    all_normals[v],
-                )
-            })
-            .unzip();
-        Self { samples, normals }
+        Self {
+            samples: Samples::new(graph, source, vertices.iter().copied()),
+            normals: vertices.iter().map(|&v| all_normals[v]).collect(),
+            vertices,
+        }
     }
 }
 
@@ -193,13 +211,15 @@ impl Rounds<'_> {
             alignment,
             smoothness,
         };
-        let acceptance = Acceptance {
+        let mut acceptance = Acceptance {
             scale: alignment,
             min_normal_cosine: self.options.max_normal_angle_degrees.to_radians().cos(),
+            trust_last_faces: false,
         };
         for _ in 0..max_rounds {
             let targets = self.search.find(&self.state.transforms, &acceptance);
             let largest_motion = self.round(&targets, scales)?;
+            acceptance.trust_last_faces = true;
             if largest_motion < self.options.motion_tolerance * self.search.target.mean_edge() {
                 break;
             }
@@ -210,7 +230,7 @@ impl Rounds<'_> {
     /// One round; returns how far the sample that moved most moved.
     fn round(
         &mut self,
-        targets: &[Option<Point>],
+        targets: &[Option<Correspondence>],
         scales: Scales,
     ) -> Result<f64, RegistrationError> {
         let matched = targets.iter().flatten().count();
@@ -219,21 +239,26 @@ impl Rounds<'_> {
         }
         let before = &self.state.transforms;
         let surrogate = self.problem.surrogate(before, targets, scales);
+        let factorised = self.system.factorise(self.problem, &surrogate)?;
+        let equations = NormalEquations {
+            problem: self.problem,
+            surrogate: &surrogate,
+        };
+        let start = Minimum {
+            transforms: before.clone(),
+            value: self.problem.surrogate_value(&surrogate, before),
+            iterations: 0,
+        };
         let minimize = match self.options.solver {
             Solver::Direct => direct::minimize,
             Solver::Lbfgs => lbfgs::minimize,
         };
-        let minimum = minimize(
-            self.problem,
-            self.system,
-            &surrogate,
-            (before, self.options),
-        )?;
-        let largest_motion = self
-            .problem
-            .samples
-            .iter()
-            .map(|s| (s.deformed(&minimum.transforms) - s.deformed(before)).norm())
+        let minimum = minimize(&equations, &factorised, start, self.options)?;
+        let samples = self.problem.samples;
+        let largest_motion = (0..samples.len())
+            .map(|s| {
+                (samples.deformed(s, &minimum.transforms) - samples.deformed(s, before)).norm()
+            })
             .fold(0.0, f64::max);
         self.state.energy = self.problem.energy(&minimum.transforms, targets, scales);
         self.state.transforms = minimum.transforms;

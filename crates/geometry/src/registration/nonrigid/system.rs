@@ -1,4 +1,8 @@
-//! The normal matrix of the surrogate: sparse, one for x, y and z, its pattern analysed once.
+//! A factorised stand-in for the normal matrix of the surrogate: sparse, one for x, y and z, its
+//! pattern analysed once.
+//!
+//! Correspondences weigh all directions alike in it, by the mean of what they weigh in truth:
+//! that makes it a good preconditioner and an initial Hessian a ninth the size.
 //!
 //! The matrix has 4 rows a node. Nodes that move a vertex in common, and no others, share a
 //! 4 x 4 block. Only the lower triangle is stored.
@@ -8,16 +12,15 @@ use faer::Side;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use nalgebra::{Matrix4, Matrix4x3, RowVector4};
+use nalgebra::{Matrix4, Matrix4x3};
 
-use crate::registration::{RegistrationError, nearest_rotation};
+use crate::registration::RegistrationError;
 
 use super::NodeTransforms;
-use super::energy::{Problem, Surrogate, affine_part};
+use super::energy::{MEAN_WEIGHT, Problem, Surrogate};
 
-/// Share of the largest diagonal entry that holds each node where it was in the last round:
-/// what determines nodes that no correspondence reaches. Far below what any weight of 1e-6
-/// does, so that it does not slow the others down.
+/// Share of the largest diagonal entry that is added to all: what determines nodes that no
+/// correspondence reaches. Far below what any weight of 1e-6 does.
 const DAMPING: f64 = 1e-9;
 
 /// The sparsity of the normal matrix, and its symbolic factorisation.
@@ -29,11 +32,9 @@ pub(super) struct System {
     column_starts: Vec<usize>,
 }
 
-/// A factorised normal matrix and the part of the right-hand side that rotations do not change.
+/// A factorised matrix.
 pub(super) struct Factorised {
     factor: Llt<usize, f64>,
-    right: Vec<Matrix4x3<f64>>,
-    rotation_weight: f64,
 }
 
 impl System {
@@ -68,30 +69,24 @@ impl System {
         })
     }
 
-    /// Assembles and factorises the normal matrix of `surrogate`.
+    /// Assembles and factorises the stand-in for the normal matrix of `surrogate`.
     pub fn factorise(
         &self,
         problem: &Problem<'_>,
         surrogate: &Surrogate,
-        previous: &NodeTransforms,
     ) -> Result<Factorised, RegistrationError> {
         let size = 4 * self.below.len();
         let mut normal = Assembly {
             system: self,
             values: vec![0.0; self.column_starts[size]],
-            right: vec![Matrix4x3::zeros(); self.below.len()],
         };
         normal.add_alignment(problem, surrogate);
         normal.add_smoothness(problem, surrogate);
-        normal.add_rotation_and_damping(problem.weights.rotation, previous);
+        normal.add_rotation_and_damping(problem.weights.rotation);
         let matrix = SparseColMatRef::new(self.symbolic_matrix.as_ref(), &normal.values);
         let factor = Llt::try_new_with_symbolic(self.symbolic_factor.clone(), matrix, Side::Lower)
             .map_err(|error| factorisation_error(size, &error))?;
-        Ok(Factorised {
-            factor,
-            right: normal.right,
-            rotation_weight: problem.weights.rotation,
-        })
+        Ok(Factorised { factor })
     }
 }
 
@@ -103,22 +98,6 @@ fn factorisation_error(unknowns: usize, error: &dyn std::fmt::Debug) -> Registra
 }
 
 impl Factorised {
-    /// Minimizes the surrogate with the rotation term's projections fixed to those of
-    /// `transforms`.
-    pub fn minimizer(
-        &self,
-        transforms: &NodeTransforms,
-    ) -> Result<NodeTransforms, RegistrationError> {
-        let mut right = self.right.clone();
-        for (right, transform) in right.iter_mut().zip(transforms) {
-            let rotation = nearest_rotation(&affine_part(transform))
-                .ok_or(RegistrationError::NotFinite { step: "non-rigid" })?;
-            let mut rows = right.fixed_rows_mut::<3>(0);
-            rows += rotation.transpose() * self.rotation_weight;
-        }
-        self.solve(&right)
-    }
-
     /// Solves for a right-hand side of a 4 x 3 block a node.
     pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
         let dense = Mat::from_fn(4 * right.len(), 3, |row, column| {
@@ -137,71 +116,21 @@ impl Factorised {
             Err(RegistrationError::NotFinite { step: "non-rigid" })
         }
     }
-
-    /// Half the gradient of the surrogate at `transforms`: H·X minus the right-hand side of the
-    /// minimizer, which is H·(X − minimizer).
-    pub fn half_gradient(
-        &self,
-        problem: &Problem<'_>,
-        surrogate: &Surrogate,
-        transforms: &NodeTransforms,
-    ) -> Result<Vec<Matrix4x3<f64>>, RegistrationError> {
-        let mut gradient = vec![Matrix4x3::zeros(); transforms.len()];
-        for (index, weight, target) in &surrogate.alignment {
-            let sample = &problem.samples[*index as usize];
-            let residual = (sample.deformed(transforms) - target).transpose() * *weight;
-            for (node, basis) in &sample.basis {
-                gradient[*node as usize] += basis.transpose() * residual;
-            }
-        }
-        for (&(a, b), weights) in problem.graph.edges().iter().zip(&surrogate.smoothness) {
-            for ((i, j), weight) in [((a, b), weights[0]), ((b, a), weights[1])] {
-                let gap = problem.edge_gap((i, j), transforms).transpose() * weight;
-                let [basis_j, basis_i] = edge_basis(problem, (i, j));
-                gradient[j as usize] += basis_j.transpose() * gap;
-                gradient[i as usize] += basis_i.transpose() * gap;
-            }
-        }
-        for (gradient, transform) in gradient.iter_mut().zip(transforms) {
-            let affine = affine_part(transform);
-            let rotation = nearest_rotation(&affine)
-                .ok_or(RegistrationError::NotFinite { step: "non-rigid" })?;
-            let mut rows = gradient.fixed_rows_mut::<3>(0);
-            rows += (affine - rotation).transpose() * self.rotation_weight;
-        }
-        Ok(gradient)
-    }
-}
-
-/// How D_ij depends on X_j and on X_i.
-fn edge_basis(problem: &Problem<'_>, (i, j): (u32, u32)) -> [RowVector4<f64>; 2] {
-    let d = problem.graph.nodes()[i as usize] - problem.graph.nodes()[j as usize];
-    [
-        RowVector4::new(d.x, d.y, d.z, 1.0),
-        RowVector4::new(0.0, 0.0, 0.0, -1.0),
-    ]
 }
 
 struct Assembly<'a> {
     system: &'a System,
     values: Vec<f64>,
-    right: Vec<Matrix4x3<f64>>,
 }
 
 impl Assembly<'_> {
     fn add_alignment(&mut self, problem: &Problem<'_>, surrogate: &Surrogate) {
-        for (index, weight, target) in &surrogate.alignment {
-            let sample = &problem.samples[*index as usize];
-            let wanted = (target.coords - sample.offset).transpose();
-            for (slot, (column, column_basis)) in sample.basis.iter().enumerate() {
-                let weighted = column_basis.transpose() * *weight;
-                self.right[*column as usize] += weighted * wanted;
-                for (row, row_basis) in &sample.basis[slot..] {
-                    self.add_block(
-                        *row,
-                        *column,
-                        &(row_basis.transpose() * weighted.transpose()),
-                    );
+        for pull in &surrogate.alignment {
+            let basis = problem.samples.basis(pull.sample as usize);
+            for (slot, (column, column_basis)) in basis.iter().enumerate() {
+                let weighted = column_basis * (pull.weight * MEAN_WEIGHT);
+                for (row, row_basis) in &basis[slot..] {
+                    self.add_block(*row, *column, &(row_basis.transpose() * weighted));
                 }
             }
         }
@@ -210,11 +139,7 @@ impl Assembly<'_> {
     fn add_smoothness(&mut self, problem: &Problem<'_>, surrogate: &Surrogate) {
         for (&(a, b), weights) in problem.graph.edges().iter().zip(&surrogate.smoothness) {
             for ((i, j), weight) in [((a, b), weights[0]), ((b, a), weights[1])] {
-                let [basis_j, basis_i] = edge_basis(problem, (i, j));
-                // D_ij = 0 wants basis_j·X_j + basis_i·X_i to be p_i − p_j.
-                let wanted = basis_j.fixed_columns::<3>(0).into_owned();
-                self.right[j as usize] += basis_j.transpose() * wanted * weight;
-                self.right[i as usize] += basis_i.transpose() * wanted * weight;
+                let [basis_j, basis_i] = problem.edge_basis((i, j));
                 self.add_block(j, j, &(basis_j.transpose() * basis_j * weight));
                 self.add_block(i, i, &(basis_i.transpose() * basis_i * weight));
                 if j < i {
@@ -226,18 +151,17 @@ impl Assembly<'_> {
         }
     }
 
-    fn add_rotation_and_damping(&mut self, rotation_weight: f64, previous: &NodeTransforms) {
-        let largest = (0..self.right.len())
-            .flat_map(|node| (0..4).map(move |c| (node, c)))
-            .map(|(node, c)| self.values[self.diagonal(node, c)])
+    fn add_rotation_and_damping(&mut self, rotation_weight: f64) {
+        let node_count = self.system.below.len();
+        let diagonal = |(node, c): (usize, usize)| self.diagonal(node, c);
+        let entries = || (0..node_count).flat_map(|node| (0..4).map(move |c| (node, c)));
+        let slots: Vec<usize> = entries().map(diagonal).collect();
+        let largest = slots
+            .iter()
+            .map(|&slot| self.values[slot])
             .fold(rotation_weight, f64::max);
-        let damping = DAMPING * largest;
-        for (node, previous) in previous.iter().enumerate() {
-            for c in 0..4 {
-                let slot = self.diagonal(node, c);
-                self.values[slot] += damping + if c < 3 { rotation_weight } else { 0.0 };
-            }
-            self.right[node] += previous * damping;
+        for (&slot, (_, c)) in slots.iter().zip(entries()) {
+            self.values[slot] += DAMPING * largest + if c < 3 { rotation_weight } else { 0.0 };
         }
     }
 

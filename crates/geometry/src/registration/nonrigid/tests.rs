@@ -1,6 +1,8 @@
 use nalgebra::Isometry3;
 
-use super::energy::{Problem, Sample, Weights, identity_transforms};
+use super::direct::Minimum;
+use super::energy::{Correspondence, Problem, Samples, Weights, identity_transforms};
+use super::normal_equations::NormalEquations;
 use super::system::System;
 use super::*;
 use crate::metrics::{DistanceStatistics, surface_distances};
@@ -63,9 +65,7 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
     let (source, bent) = (tube(60, 30, 0.0), tube(53, 31, bend));
     let target = Target::new(&bent).unwrap();
     let graph = DeformationGraph::new(&source, &GraphOptions::default());
-    let samples: Vec<Sample> = (0..source.vertex_count())
-        .map(|v| Sample::new(&graph, v, &source.positions()[v]))
-        .collect();
+    let samples = Samples::new(&graph, &source, 0..source.vertex_count());
     let weights = Weights {
         smoothness: 0.5,
         rotation: 0.05,
@@ -77,10 +77,16 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
     };
     let system = System::new(&problem).unwrap();
     let start = identity_transforms(graph.nodes().len());
-    let targets: Vec<Option<Point>> = source
+    let targets: Vec<Option<Correspondence>> = source
         .positions()
         .iter()
-        .map(|p| Some(target.closest(p).0.position))
+        .map(|p| {
+            let (surface, normal) = target.closest(p);
+            Some(Correspondence {
+                position: surface.position,
+                normal,
+            })
+        })
         .collect();
     let surrogate = problem.surrogate(
         &start,
@@ -95,9 +101,23 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
         inner_tolerance: 1e-12,
         ..Options::default()
     };
-    let direct = direct::minimize(&problem, &system, &surrogate, (&start, &options)).unwrap();
-    let lbfgs = lbfgs::minimize(&problem, &system, &surrogate, (&start, &options)).unwrap();
-    assert!(direct.value < problem.surrogate_value(&surrogate, &start));
+    let factorised = system.factorise(&problem, &surrogate).unwrap();
+    let equations = NormalEquations {
+        problem: &problem,
+        surrogate: &surrogate,
+    };
+    let start = Minimum {
+        value: problem.surrogate_value(&surrogate, &start),
+        transforms: start,
+        iterations: 0,
+    };
+    let minimize = |solver: fn(_, _, _, _) -> _| -> Minimum {
+        let outcome: Result<_, crate::registration::RegistrationError> =
+            solver(&equations, &factorised, start.clone(), &options);
+        outcome.unwrap()
+    };
+    let (direct, lbfgs) = (minimize(direct::minimize), minimize(lbfgs::minimize));
+    assert!(direct.value < start.value);
     (direct.value, lbfgs.value)
 }
 

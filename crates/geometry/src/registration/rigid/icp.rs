@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Translation3};
 
 use crate::metrics::DistanceStatistics;
 use crate::registration::{RegistrationError, Target};
+use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh, Vector};
 
 use super::{fit_point_to_plane, fit_rigid};
@@ -24,7 +25,8 @@ pub struct Options {
     /// What the last stage minimizes. The first, coarse one is always point-to-point, whose
     /// basin of attraction is wider.
     pub metric: Metric,
-    /// Source vertices used in the coarse stage, evenly strided.
+    /// Source vertices used in the coarse stage, evenly strided. There is none if the source
+    /// lies within a mean edge of the target as it is.
     pub coarse_samples: usize,
     /// Source vertices used in the last stage.
     pub fine_samples: usize,
@@ -43,15 +45,19 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             metric: Metric::PointToPlane,
-            coarse_samples: 800,
-            fine_samples: 3000,
+            coarse_samples: 400,
+            fine_samples: 1000,
             max_iterations: 30,
             coarse_iterations: 30,
             rejection_factor: 3.0,
-            tolerance: 1e-6,
+            tolerance: 1e-5,
         }
     }
 }
+
+/// The coarse stage ends once no sample moves further than this share of the target's diagonal:
+/// about half an edge of a capture, from where the last stage finds on its own.
+const COARSE_TOLERANCE: f64 = 1e-3;
 
 /// The motion that ICP found.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,10 +75,10 @@ pub struct RigidRegistration {
 
 /// Moves `source` rigidly onto `target`.
 ///
-/// Starts from where the source is and, beside it, from where the centroids agree; takes the
-/// better of both; and keeps the source where it is if that is better still, since ICP makes a
-/// still body with one moving limb worse. "Better" is the mean of the closest 80 % of the
-/// distances.
+/// Starts from where the source is and, unless that is close already, also from where the
+/// centroids agree; takes the better of both; and keeps the source where it is if that is better
+/// still, since ICP makes a still body with one moving limb worse. "Better" is the mean of the
+/// closest 80 % of the distances.
 ///
 /// # Errors
 ///
@@ -92,8 +98,44 @@ pub fn register(
     if source.vertex_count() == 0 {
         return Err(RegistrationError::Empty { which: "source" });
     }
-    let coarse = strided(source.positions(), options.coarse_samples);
     let fine = strided(source.positions(), options.fine_samples);
+    let mut search = Search::new(&fine, target);
+    let unmoved = search.distances(&Isometry3::identity());
+    let (start, coarse_iterations) = if trimmed_mean(&unmoved) < target.mean_edge() {
+        (Isometry3::identity(), 0)
+    } else {
+        coarse_motion(source, target, options)
+    };
+    let stage = Stage {
+        metric: options.metric,
+        start,
+        max_iterations: options.max_iterations,
+        tolerance: options.tolerance,
+    };
+    let outcome = stage.run(&mut search, options)?;
+    let moved = search.distances(&outcome.motion);
+    let moves = trimmed_mean(&moved) < trimmed_mean(&unmoved);
+    let (target_from_source, distances) = if moves {
+        (outcome.motion, moved)
+    } else {
+        (Isometry3::identity(), unmoved)
+    };
+    Ok(RigidRegistration {
+        target_from_source,
+        rmse: DistanceStatistics::of(&distances).rmse,
+        iterations: coarse_iterations + outcome.iterations,
+        converged: outcome.converged,
+    })
+}
+
+/// The better of two motions, one from where the source is and one from where the centroids
+/// agree, and the iterations that both took.
+fn coarse_motion(
+    source: &TriangleMesh,
+    target: &Target,
+    options: &Options,
+) -> (Isometry3<f64>, usize) {
+    let coarse = strided(source.positions(), options.coarse_samples);
     let centroids_agree = Isometry3::from_parts(
         centroid_shift(&coarse, target),
         nalgebra::UnitQuaternion::identity(),
@@ -101,41 +143,25 @@ pub fn register(
     let mut iterations = 0;
     let mut best: Option<(f64, Isometry3<f64>)> = None;
     for start in [Isometry3::identity(), centroids_agree] {
+        let mut search = Search::new(&coarse, target);
         let stage = Stage {
             metric: Metric::PointToPoint,
-            points: &coarse,
             start,
             max_iterations: options.coarse_iterations,
+            tolerance: COARSE_TOLERANCE,
         };
         // A start that leads nowhere is no reason to give up on the other.
-        let Ok(outcome) = stage.run(target, options) else {
+        let Ok(outcome) = stage.run(&mut search, options) else {
             continue;
         };
         iterations += outcome.iterations;
-        let score = trimmed_mean(&coarse, &outcome.motion, target);
+        let score = trimmed_mean(&search.distances(&outcome.motion));
         if best.is_none_or(|(lowest, _)| score < lowest) {
             best = Some((score, outcome.motion));
         }
     }
-    let start = best.map_or_else(Isometry3::identity, |(_, motion)| motion);
-    let stage = Stage {
-        metric: options.metric,
-        points: &fine,
-        start,
-        max_iterations: options.max_iterations,
-    };
-    let outcome = stage.run(target, options)?;
-    let unmoved = Isometry3::identity();
-    let moves =
-        trimmed_mean(&fine, &outcome.motion, target) < trimmed_mean(&fine, &unmoved, target);
-    let target_from_source = if moves { outcome.motion } else { unmoved };
-    let distances = distances(&fine, &target_from_source, target);
-    Ok(RigidRegistration {
-        target_from_source,
-        rmse: DistanceStatistics::of(&distances).rmse,
-        iterations: iterations + outcome.iterations,
-        converged: outcome.converged,
-    })
+    let motion = best.map_or_else(Isometry3::identity, |(_, motion)| motion);
+    (motion, iterations)
 }
 
 /// At most about `count` of `points`, evenly strided.
@@ -153,25 +179,20 @@ fn centroid_shift(points: &[Point], target: &Target) -> Translation3<f64> {
     Translation3::from(target.centroid().coords - mean)
 }
 
-fn distances(points: &[Point], motion: &Isometry3<f64>, target: &Target) -> Vec<f64> {
-    points
-        .iter()
-        .map(|p| target.closest(&(motion * p)).0.distance)
-        .collect()
+fn trimmed_mean(distances: &[f64]) -> f64 {
+    let mut distances = distances.to_vec();
+    let kept = (distances.len() * 4).div_ceil(5);
+    if kept < distances.len() {
+        distances.select_nth_unstable_by(kept, f64::total_cmp);
+    }
+    distances[..kept].iter().sum::<f64>() / kept as f64
 }
 
-fn trimmed_mean(points: &[Point], motion: &Isometry3<f64>, target: &Target) -> f64 {
-    let mut distances = distances(points, motion, target);
-    distances.sort_unstable_by(f64::total_cmp);
-    let kept = &distances[..(distances.len() * 4).div_ceil(5)];
-    kept.iter().sum::<f64>() / kept.len() as f64
-}
-
-struct Stage<'a> {
+struct Stage {
     metric: Metric,
-    points: &'a [Point],
     start: Isometry3<f64>,
     max_iterations: usize,
+    tolerance: f64,
 }
 
 struct StageOutcome {
@@ -180,14 +201,16 @@ struct StageOutcome {
     converged: bool,
 }
 
-impl Stage<'_> {
-    fn run(&self, target: &Target, options: &Options) -> Result<StageOutcome, RegistrationError> {
+impl Stage {
+    fn run(
+        &self,
+        search: &mut Search<'_>,
+        options: &Options,
+    ) -> Result<StageOutcome, RegistrationError> {
         let mut motion = self.start;
-        let tolerance = options.tolerance * target.diagonal();
-        let mut faces = vec![0; self.points.len()];
+        let tolerance = self.tolerance * search.target.diagonal();
         for iteration in 1..=self.max_iterations {
-            let moved: Vec<Point> = self.points.iter().map(|p| motion * p).collect();
-            let pairs = correspondences(&moved, &mut faces, target, options.rejection_factor);
+            let pairs = search.correspondences(&motion, options.rejection_factor);
             let step = match self.metric {
                 Metric::PointToPoint => {
                     let (from, to): (Vec<Point>, Vec<Point>) =
@@ -196,14 +219,16 @@ impl Stage<'_> {
                 }
                 Metric::PointToPlane => fit_point_to_plane(&pairs)?,
             };
-            motion = step * motion;
-            let largest = moved
+            let next = step * motion;
+            let largest = search
+                .points
                 .iter()
-                .map(|p| (step * p - p).norm())
+                .map(|p| (next * p - motion * p).norm())
                 .fold(0.0, f64::max);
             if !largest.is_finite() {
                 return Err(RegistrationError::NotFinite { step: "rigid" });
             }
+            motion = next;
             if largest < tolerance {
                 return Ok(StageOutcome {
                     motion,
@@ -220,31 +245,58 @@ impl Stage<'_> {
     }
 }
 
-/// Pairs every point with the closest point of the surface and its normal; drops pairs that
-/// are much further apart than the median. `faces` are the last answers, and the next guesses.
-fn correspondences(
-    points: &[Point],
-    faces: &mut [u32],
-    target: &Target,
-    rejection_factor: f64,
-) -> Vec<(Point, Point, Vector)> {
-    let found: Vec<_> = points
-        .iter()
-        .zip(faces.iter())
-        .map(|(p, &face)| target.closest_from(p, face))
-        .collect();
-    faces
-        .iter_mut()
-        .zip(&found)
-        .for_each(|(face, (surface, _))| *face = surface.face);
-    let distances: Vec<f64> = found.iter().map(|(surface, _)| surface.distance).collect();
-    let limit = rejection_factor * DistanceStatistics::quantile(&distances, 0.5);
-    points
-        .iter()
-        .zip(&found)
-        .filter(|(_, (surface, _))| surface.distance <= limit)
-        .map(|(p, (surface, normal))| (*p, surface.position, *normal))
-        .collect()
+/// The closest points of some samples, which remembers where it found the last ones.
+struct Search<'a> {
+    points: &'a [Point],
+    target: &'a Target,
+    /// The last answers, and the next guesses.
+    faces: Vec<u32>,
+}
+
+impl<'a> Search<'a> {
+    fn new(points: &'a [Point], target: &'a Target) -> Self {
+        let faces = vec![0; points.len()];
+        Self {
+            points,
+            target,
+            faces,
+        }
+    }
+
+    fn find(&mut self, motion: &Isometry3<f64>) -> Vec<(Point, SurfacePoint)> {
+        self.points
+            .iter()
+            .zip(&mut self.faces)
+            .map(|(p, face)| {
+                let moved = motion * p;
+                let surface = self.target.surface().closest_from(&moved, *face);
+                *face = surface.face;
+                (moved, surface)
+            })
+            .collect()
+    }
+
+    fn distances(&mut self, motion: &Isometry3<f64>) -> Vec<f64> {
+        let found = self.find(motion);
+        found.iter().map(|(_, surface)| surface.distance).collect()
+    }
+
+    /// Pairs every moved point with the closest point of the surface and its normal; drops pairs
+    /// that are much further apart than the median.
+    fn correspondences(
+        &mut self,
+        motion: &Isometry3<f64>,
+        rejection_factor: f64,
+    ) -> Vec<(Point, Point, Vector)> {
+        let found = self.find(motion);
+        let distances: Vec<f64> = found.iter().map(|(_, surface)| surface.distance).collect();
+        let limit = rejection_factor * DistanceStatistics::quantile(&distances, 0.5);
+        found
+            .iter()
+            .filter(|(_, surface)| surface.distance <= limit)
+            .map(|(p, surface)| (*p, surface.position, self.target.normal(surface.face)))
+            .collect()
+    }
 }
 
 #[cfg(test)]
@@ -297,6 +349,7 @@ mod tests {
             let options = Options {
                 metric,
                 max_iterations,
+                tolerance: 1e-6,
                 ..Options::default()
             };
             let found = register(&source, &target, &options).unwrap();
