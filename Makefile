@@ -1,15 +1,21 @@
-# The commands a newcomer needs: `make test` and `make lint`.
+# The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: test lint
+.PHONY: demo test lint build page
+
+# A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
+# a folder instead of an animated figure.
+demo: build
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/debug/steadymesh scripts/demo $(SEQ)
 
 # Installs what is missing, then runs every test.
 test:
 	scripts/install-dependencies test
-	cargo test --workspace
-	npm --prefix web ci
+	$(MAKE) page
 	npm --prefix web test
-	npm --prefix web run build
+	cargo test --workspace
+	cargo build
+	STEADYMESH_BIN=$$(realpath $${CARGO_TARGET_DIR:-target}/debug/steadymesh) npm --prefix web run test:browser
 
 # The linters, as the CI runs them.
 lint:
@@ -18,3 +24,13 @@ lint:
 	cargo clippy --workspace --all-targets -- -D warnings
 	npm --prefix web ci
 	npm --prefix web run check
+
+# The binary, with the page in it.
+build:
+	scripts/install-dependencies build
+	$(MAKE) page
+	cargo build
+
+page:
+	npm --prefix web ci
+	npm --prefix web run build

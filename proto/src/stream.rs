@@ -187,6 +187,10 @@ pub struct Problem {
     pub status: u16,
     /// What happened here, and what to do.
     pub detail: String,
+    /// When it is worth trying again, in milliseconds: finer than `Retry-After`, which every
+    /// client understands and which counts seconds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retry_after_ms: Option<u64>,
 }
 
 #[cfg(test)]

@@ -81,7 +81,7 @@ impl FramePublisher {
             };
             match response.status() {
                 StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE => {
-                    tokio::time::sleep(retry_after(&response)).await;
+                    tokio::time::sleep(retry_after(response).await).await;
                     *waits += 1;
                 }
                 status if status.is_success() => {
@@ -96,10 +96,15 @@ impl FramePublisher {
 }
 
 /// How long the server asks to wait, a second if it does not say.
-fn retry_after(response: &Response) -> Duration {
+async fn retry_after(response: Response) -> Duration {
     let value = response.headers().get(header::RETRY_AFTER);
     let seconds = value.and_then(|value| value.to_str().ok()?.parse().ok());
-    Duration::from_secs(seconds.unwrap_or(1))
+    let problem = response.json::<Problem>().await.ok();
+    let milliseconds = problem.and_then(|problem| problem.retry_after_ms);
+    milliseconds.map_or(
+        Duration::from_secs(seconds.unwrap_or(1)),
+        Duration::from_millis,
+    )
 }
 
 /// A frame that is wrong is refused alone; anything else would be refused for ever.

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::Args;
@@ -61,14 +62,19 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
         threads,
         "player and API on http://{player}, operations on http://{internal}"
     );
-    tokio::select! {
-        _ = terminate.recv() => tracing::info!("asked to stop (SIGTERM)"),
-        _ = interrupt.recv() => tracing::info!("asked to stop (SIGINT)"),
-    }
+    let signal = tokio::select! {
+        _ = terminate.recv() => "SIGTERM",
+        _ = interrupt.recv() => "SIGINT",
+    };
+    tracing::info!(signal, "asked to stop");
+    let again = async {
+        // Ctrl-C may come together with a SIGTERM from whoever started us: that is one request.
+        tokio::time::sleep(Duration::from_secs(1)).await;
+        super::interrupted().await
+    };
     tokio::select! {
         () = server.shut_down() => tracing::info!("stopped"),
-        _ = terminate.recv() => tracing::warn!("asked again: stopped at once"),
-        _ = interrupt.recv() => tracing::warn!("asked again: stopped at once"),
+        _ = again => tracing::warn!("asked again: stopped at once"),
     }
     Ok(())
 }

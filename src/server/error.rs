@@ -8,8 +8,10 @@ use steadymesh_proto::stream;
 
 use crate::streams::{InvalidStreamName, NotConfigured, Refused};
 
-/// Seconds after which a refused publisher is asked to try again.
-const RETRY_AFTER: u64 = 1;
+/// When a publisher whose stream is full may try again, in milliseconds: a frame or two later.
+const NEXT_FRAME_MS: u64 = 100;
+/// When anybody else may, in milliseconds.
+const SOON_MS: u64 = 1000;
 
 /// An answer from 400 on.
 #[derive(Debug)]
@@ -19,7 +21,7 @@ pub(super) struct Problem {
     kind: &'static str,
     title: &'static str,
     detail: String,
-    retry_after: Option<u64>,
+    retry_after_ms: Option<u64>,
 }
 
 impl Problem {
@@ -34,12 +36,12 @@ impl Problem {
             kind,
             title,
             detail: detail.into(),
-            retry_after: None,
+            retry_after_ms: None,
         }
     }
 
-    fn retry(mut self) -> Self {
-        self.retry_after = Some(RETRY_AFTER);
+    fn retry_after(mut self, milliseconds: u64) -> Self {
+        self.retry_after_ms = Some(milliseconds);
         self
     }
 
@@ -113,13 +115,13 @@ impl Problem {
             "Not available",
             "the server is stopping",
         )
-        .retry()
+        .retry_after(SOON_MS)
     }
 
     /// An accepted frame did not come out.
     pub fn frame_lost(detail: impl Into<String>) -> Self {
         let status = StatusCode::SERVICE_UNAVAILABLE;
-        Self::new(status, "frame-lost", "The frame did not come out", detail).retry()
+        Self::new(status, "frame-lost", "The frame did not come out", detail).retry_after(SOON_MS)
     }
 
     /// A defect of the server.
@@ -152,7 +154,7 @@ impl From<NotConfigured> for Problem {
                 "Over a limit",
                 format!("{detail}: delete one, or raise streams.max in the configuration"),
             )
-            .retry(),
+            .retry_after(SOON_MS),
         }
     }
 }
@@ -172,7 +174,8 @@ impl From<Refused> for Problem {
         match refused {
             Refused::QueueFull => {
                 let title = "The stream's queue is full";
-                Self::new(StatusCode::TOO_MANY_REQUESTS, "queue-full", title, detail).retry()
+                Self::new(StatusCode::TOO_MANY_REQUESTS, "queue-full", title, detail)
+                    .retry_after(NEXT_FRAME_MS)
             }
             Refused::Ended => Self::new(
                 StatusCode::SERVICE_UNAVAILABLE,
@@ -180,7 +183,7 @@ impl From<Refused> for Problem {
                 "The stream has ended",
                 "the stream ended while the frame was on its way: send it again to begin anew",
             )
-            .retry(),
+            .retry_after(SOON_MS),
             Refused::Unreadable(ReadError::LimitExceeded { what, .. }) => Self::too_large(format!(
                 "{detail}: send a smaller mesh, or raise limits.{what} in the configuration"
             )),
@@ -207,12 +210,14 @@ impl IntoResponse for Problem {
             title: self.title.to_owned(),
             status: self.status.as_u16(),
             detail: self.detail,
+            retry_after_ms: self.retry_after_ms,
         };
         let mut response = (self.status, Json(document)).into_response();
         let headers = response.headers_mut();
         let problem_json = HeaderValue::from_static("application/problem+json");
         headers.insert(header::CONTENT_TYPE, problem_json);
-        if let Some(seconds) = self.retry_after {
+        if let Some(milliseconds) = self.retry_after_ms {
+            let seconds = milliseconds.div_ceil(1000);
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }
         response
