@@ -1,16 +1,14 @@
 //! Collapses the cheapest edge until the mesh is small enough.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
-use crate::mesh::{Edge, EdgeTable, face_normal};
+use crate::mesh::{Edge, face_normal};
 use crate::{Face, Point, TriangleMesh};
 
+use super::Quadric;
 use super::connectivity::Connectivity;
 use super::normalization::Normalization;
 use super::placement::place;
+use super::queue::{Candidate, Queue};
 use super::tracked::{Reference, vertex_quadrics};
-use super::{Quadric, tracked};
 
 /// How far to simplify.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,16 +65,21 @@ pub fn simplify(
     }
     let normalization = Normalization::of(mesh);
     let positions = normalization.apply(mesh.positions());
-    let reference = reference.and_then(|r| Reference::new(r, normalization.apply(r.positions())));
+    let reference = reference.and_then(|r| {
+        let positions = normalization.apply(r.positions());
+        Reference::new(r, &positions, mesh.vertex_count())
+    });
+    let mut connectivity = Connectivity::new(mesh);
     let mut run = Run {
-        quadrics: initial_quadrics(mesh, &positions, options.boundary_weight),
-        connectivity: Connectivity::new(mesh.vertex_count(), mesh.faces()),
+        quadrics: initial_quadrics(mesh, &positions, &mut connectivity, options),
+        connectivity,
         versions: vec![0; mesh.vertex_count()],
-        moved: vec![false; mesh.vertex_count()],
         positions,
         reference,
-        queue: BinaryHeap::new(),
+        queue: Queue::new(mesh.vertex_count()),
         collapses: 0,
+        neighbors: Vec::new(),
+        candidates: Vec::new(),
     };
     run.collapse_to(options.target_faces);
     run.finish(mesh, &normalization, options.target_faces)
@@ -87,55 +90,28 @@ pub fn simplify(
 fn initial_quadrics(
     mesh: &TriangleMesh,
     positions: &[Point],
-    boundary_weight: f64,
+    connectivity: &mut Connectivity,
+    options: &Options,
 ) -> Vec<Quadric> {
     let mut quadrics = vertex_quadrics(mesh, positions);
-    for (edge, on_edge) in EdgeTable::of(mesh.faces()).iter() {
-        let [(_, face)] = on_edge else { continue };
-        let corners = mesh.faces()[*face as usize].map(|corner| positions[corner as usize]);
-        let (a, b) = (positions[edge.0 as usize], positions[edge.1 as usize]);
-        let Some(normal) = face_normal(corners) else {
-            continue;
-        };
-        let Some(outward) = (b - a).cross(&normal).try_normalize(0.0) else {
-            continue;
-        };
-        let plane = Quadric::of_plane(&a, &outward, boundary_weight);
-        quadrics[edge.0 as usize] += plane;
-        quadrics[edge.1 as usize] += plane;
+    for face in mesh.faces() {
+        for edge in Edge::of_face(*face) {
+            if connectivity.face_count_on(edge.0, edge.1) != 1 {
+                continue;
+            }
+            let (a, b) = (positions[edge.0 as usize], positions[edge.1 as usize]);
+            let Some(normal) = face_normal(face.map(|corner| positions[corner as usize])) else {
+                continue;
+            };
+            let Some(outward) = (b - a).cross(&normal).try_normalize(0.0) else {
+                continue;
+            };
+            let plane = Quadric::of_plane(&a, &outward, options.boundary_weight);
+            quadrics[edge.0 as usize] += plane;
+            quadrics[edge.1 as usize] += plane;
+        }
     }
     quadrics
-}
-
-/// An edge that may be collapsed, ordered by cost, then length, then vertices.
-#[derive(Debug, Clone, Copy)]
-struct Candidate {
-    key: (u64, u64, Edge),
-    versions: (u32, u32),
-    position: Point,
-}
-
-impl Candidate {
-    fn order(&self) -> (u64, u64, Edge) {
-        self.key
-    }
-}
-
-impl PartialEq for Candidate {
-    fn eq(&self, other: &Self) -> bool {
-        self.order() == other.order()
-    }
-}
-impl Eq for Candidate {}
-impl PartialOrd for Candidate {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Candidate {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.order().cmp(&other.order())
-    }
 }
 
 /// Costs below this (a distance of 1e-9 of the diagonal, squared) are rounding, and all alike.
@@ -145,11 +121,14 @@ struct Run {
     positions: Vec<Point>,
     quadrics: Vec<Quadric>,
     connectivity: Connectivity,
+    /// How often each vertex was merged.
     versions: Vec<u32>,
-    moved: Vec<bool>,
     reference: Option<Reference>,
-    queue: BinaryHeap<Reverse<Candidate>>,
+    queue: Queue,
     collapses: usize,
+    /// Kept for their allocations.
+    neighbors: Vec<u32>,
+    candidates: Vec<Candidate>,
 }
 
 /// What a collapse must respect.
@@ -185,41 +164,39 @@ impl Run {
         }
     }
 
+    /// Every edge is with the smaller of its vertices.
     fn fill_queue(&mut self) {
         self.queue.clear();
-        let faces: Vec<Face> = self.connectivity.faces().collect();
-        let edges: Vec<Edge> = EdgeTable::of(&faces).iter().map(|(edge, _)| edge).collect();
-        for edge in edges {
-            self.push(edge);
+        for vertex in 0..self.connectivity.vertex_count() as u32 {
+            self.queue_edges(vertex, |vertex, neighbor| vertex < neighbor);
         }
     }
 
     fn drain_queue(&mut self, target: usize, pass: Pass) {
         while target < self.connectivity.face_count() {
-            let Some(Reverse(candidate)) = self.queue.pop() else {
+            let versions = &self.versions;
+            let is_current =
+                |candidate: &Candidate| candidate.stamp == stamp(versions, candidate.edge);
+            let Some(Candidate { edge, .. }) = self.queue.pop(is_current) else {
                 return;
             };
-            let (_, _, Edge(a, b)) = candidate.key;
-            if candidate.versions != (self.versions[a as usize], self.versions[b as usize])
-                || !self.is_possible(&candidate, target, pass)
+            let Edge(a, b) = edge;
+            let vanishing = self.connectivity.face_count_on(a, b);
+            if self.connectivity.face_count() < target + vanishing
+                || !self.connectivity.may_collapse(a, b)
             {
                 continue;
             }
-            self.collapse(a, b, candidate.position);
+            // Nothing around the edge has changed since it was queued: the same as then.
+            let (position, _) = self.evaluate(edge);
+            if pass == Pass::TopologyOnly
+                || self
+                    .connectivity
+                    .keeps_orientation(&self.positions, (a, b), &position)
+            {
+                self.collapse(a, b, position);
+            }
         }
-    }
-
-    fn is_possible(&self, candidate: &Candidate, target: usize, pass: Pass) -> bool {
-        let (_, _, Edge(a, b)) = candidate.key;
-        let vanishing = self.connectivity.faces_on(a, b).len();
-        target + vanishing <= self.connectivity.face_count()
-            && self.connectivity.may_collapse(a, b)
-            && (pass == Pass::TopologyOnly
-                || self.connectivity.keeps_orientation(
-                    &self.positions,
-                    (a, b),
-                    &candidate.position,
-                ))
     }
 
     fn collapse(&mut self, a: u32, b: u32, position: Point) {
@@ -228,40 +205,51 @@ impl Run {
         // The frame's own quadrics add up; the reference's are gathered anew for every edge.
         let merged = self.quadrics[a as usize] + self.quadrics[b as usize];
         self.quadrics[a as usize] = merged;
-        self.moved[a as usize] = true;
+        if let Some(reference) = &mut self.reference {
+            reference.forget(a);
+        }
         self.versions[a as usize] += 1;
         self.versions[b as usize] += 1;
         self.collapses += 1;
-        for neighbor in self.connectivity.neighbors(a) {
-            self.push(Edge::new(a, neighbor));
-        }
+        self.queue.set(b, &[]);
+        self.queue_edges(a, |_, _| true);
     }
 
-    /// Evaluates an edge (Eq. 10, 12 and 15) and queues it.
-    fn push(&mut self, edge: Edge) {
+    /// Puts the edges between `vertex` and those of its neighbors that `is_wanted` accepts into
+    /// the queue, with `vertex` as their owner.
+    fn queue_edges(&mut self, vertex: u32, is_wanted: impl Fn(u32, u32) -> bool) {
+        let mut neighbors = std::mem::take(&mut self.neighbors);
+        let mut candidates = std::mem::take(&mut self.candidates);
+        candidates.clear();
+        self.connectivity.neighbors(vertex, &mut neighbors);
+        for &neighbor in neighbors.iter().filter(|&&n| is_wanted(vertex, n)) {
+            let edge = Edge::new(vertex, neighbor);
+            let (_, cost) = self.evaluate(edge);
+            let along = self.positions[edge.1 as usize] - self.positions[edge.0 as usize];
+            candidates.push(Candidate::new(
+                edge,
+                if cost < NO_COST { 0.0 } else { cost },
+                along.norm_squared(),
+                stamp(&self.versions, edge),
+            ));
+        }
+        self.queue.set(vertex, &candidates);
+        (self.neighbors, self.candidates) = (neighbors, candidates);
+    }
+
+    /// Where the edge's vertices would be merged, and what that costs (Eq. 10, 12 and 15).
+    fn evaluate(&mut self, edge: Edge) -> (Point, f64) {
         let (a, b) = (edge.0 as usize, edge.1 as usize);
         let (v1, v2) = (&self.positions[a], &self.positions[b]);
         let mut quadric = self.quadrics[a] + self.quadrics[b];
         let mut barycenter = None;
-        if let Some(reference) = &self.reference {
-            let tracked::Tracked {
-                quadric: added,
-                barycenter: center,
-            } = reference.around_edge(v1, v2);
-            quadric += added;
-            barycenter = center;
+        if let Some(reference) = &mut self.reference {
+            let around = reference.around_edge(edge, v1, v2);
+            quadric += around.quadric;
+            barycenter = around.barycenter;
         }
         let position = place(&quadric, v1, v2, barycenter.as_ref());
-        let cost = quadric.cost(&position);
-        let cost = if cost < NO_COST { 0.0 } else { cost };
-        // Neither is negative, so that their bits are in their order.
-        let key = (cost.to_bits(), (v2 - v1).norm_squared().to_bits(), edge);
-        let versions = (self.versions[a], self.versions[b]);
-        self.queue.push(Reverse(Candidate {
-            key,
-            versions,
-            position,
-        }));
+        (position, quadric.cost(&position))
     }
 
     fn finish(
@@ -280,7 +268,7 @@ impl Run {
         let mut positions = Vec::new();
         for vertex in (0..used.len()).filter(|&vertex| used[vertex]) {
             numbers[vertex] = positions.len() as u32;
-            positions.push(if self.moved[vertex] {
+            positions.push(if 0 < self.versions[vertex] {
                 normalization.undo(&self.positions[vertex])
             } else {
                 mesh.positions()[vertex]
@@ -297,4 +285,9 @@ impl Run {
             collapses: self.collapses,
         }
     }
+}
+
+/// Grows whenever one of the edge's vertices changes.
+fn stamp(versions: &[u32], edge: Edge) -> u32 {
+    versions[edge.0 as usize] + versions[edge.1 as usize]
 }

@@ -5,6 +5,7 @@
 //! - `tracked`: the reference's quadrics around an edge (Eq. 10 to 14, 16).
 //! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
+//! - `queue`: the edges that may be collapsed, cheapest first.
 //! - [`simplify`]: collapses the cheapest edge until the target is reached.
 //!
 //! Both modes run in one engine: without a reference it is the original QEM.
@@ -14,6 +15,7 @@ mod edge_collapse;
 mod normalization;
 mod placement;
 mod quadric;
+mod queue;
 mod tracked;
 
 pub use edge_collapse::{Options, Simplified, simplify};

@@ -155,6 +155,32 @@ impl BoxTree {
             }
         }
     }
+
+    /// Calls `visit` with the slot of every item whose box is closer to `point` than the square
+    /// root of `bound`.
+    #[inline]
+    pub fn visit_within(&self, point: &[f32; 3], bound: f32, mut visit: impl FnMut(u32)) {
+        let lanes = point.map(f32x4::splat);
+        let bound = f32x4::splat(bound);
+        let mut stack = [0u32; STACK_SIZE];
+        let mut size = 1;
+        while 0 < size {
+            size -= 1;
+            let number = stack[size];
+            let squares = self.nodes[number as usize].square_distances(&lanes);
+            let mut nearer = squares.simd_lt(bound).to_bitmask();
+            while nearer != 0 {
+                let child = WIDTH as u32 * number + 1 + nearer.trailing_zeros();
+                nearer &= nearer - 1;
+                if self.first_item <= child {
+                    visit(child - self.first_item);
+                } else {
+                    stack[size] = child;
+                    size += 1;
+                }
+            }
+        }
+    }
 }
 
 /// Sorts entries so that every full subtree's are together and apart from the others: halves

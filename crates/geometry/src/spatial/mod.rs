@@ -2,9 +2,11 @@
 
 mod box_tree;
 mod closest_point;
+mod point_tree;
 mod triangle_tree;
 mod vertex_tree;
 
 pub use closest_point::closest_point_on_triangle;
+pub use point_tree::PointTree;
 pub use triangle_tree::{SurfacePoint, TriangleTree};
 pub use vertex_tree::VertexTree;
