@@ -3,6 +3,7 @@
 pub mod cli;
 pub mod compute;
 pub mod config;
+pub mod evaluation;
 pub mod pipeline;
 pub mod server;
 pub mod stopwatch;

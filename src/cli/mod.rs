@@ -1,8 +1,9 @@
 //! The command line: files, progress bars, exit codes.
 //!
-//! Data goes to the named files, everything said to people to standard error. The exit code is
-//! 0 for done, 1 for failed, 2 for wrong usage.
+//! Data goes to the named files or to standard output, everything said to people to standard
+//! error. The exit code is 0 for done, 1 for failed, 2 for wrong usage.
 
+mod evaluate;
 mod frame_files;
 mod frame_publisher;
 mod frame_source;
@@ -13,6 +14,7 @@ mod serve;
 mod simplify;
 mod stream_url;
 mod subscribe;
+mod tracking_mode;
 
 use std::process::ExitCode;
 
@@ -36,6 +38,8 @@ enum Command {
     Subscribe(subscribe::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
+    /// Compare tracking with the original QEM on a sequence of frame files.
+    Evaluate(evaluate::Arguments),
 }
 
 /// Runs the command that the process was started with.
@@ -48,6 +52,7 @@ pub fn run() -> ExitCode {
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Subscribe(arguments) => subscribe::run(&arguments),
         Command::Simplify(arguments) => simplify::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,18 +4,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
-use steadymesh_proto::metrics::Tracking;
 
 use crate::pipeline::{PreparedFrame, ProcessedFrame, Settings, TargetSize, process};
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
-use super::output_files::{create, make_folder, write_file};
+use super::output_files::{create, make_folder, output_names, write_file};
 use super::progress::progress_bar;
+use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -71,19 +71,11 @@ impl OutputFormat {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum TrackingMode {
-    /// The original QEM.
-    Off,
-    /// The formulas of the Tracked QEM paper.
-    Paper,
-}
-
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let settings = settings(arguments);
     let files = expand(&arguments.paths)?;
-    let names = output_names(&files, arguments.format)?;
+    let names = output_names(&files, arguments.format.extension())?;
     make_folder(&arguments.output)?;
     if let Some(folder) = &arguments.keep_registered {
         make_folder(folder)?;
@@ -156,34 +148,11 @@ fn settings(arguments: &Arguments) -> Settings {
             .error(clap::error::ErrorKind::ValueValidation, message)
             .exit()
     });
-    let tracking = match arguments.tracking {
-        TrackingMode::Off => Tracking::Off,
-        TrackingMode::Paper => Tracking::Paper,
-    };
     Settings {
         target,
-        tracking,
+        tracking: arguments.tracking.into(),
         ..Settings::default()
     }
-}
-
-/// Output names follow input names; two inputs of one name would overwrite each other.
-fn output_names(files: &[PathBuf], format: OutputFormat) -> anyhow::Result<Vec<String>> {
-    let mut seen = std::collections::HashMap::new();
-    let mut names = Vec::with_capacity(files.len());
-    for file in files {
-        let stem = file
-            .file_stem()
-            .with_context(|| format!("{} does not name a file", file.display()))?
-            .to_string_lossy();
-        let name = format!("{stem}.{}", format.extension());
-        if let Some(first) = seen.insert(name.clone(), file) {
-            let (first, second) = (first.display(), file.display());
-            bail!("{first} and {second} would both be written to {name}: rename one of them");
-        }
-        names.push(name);
-    }
-    Ok(names)
 }
 
 fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyhow::Result<()> {

@@ -59,7 +59,9 @@ pub(super) fn registration(registration: &Registration) -> metrics::Registration
     }
 }
 
-fn statistics(distances: &[f64]) -> Statistics {
+/// Sums up `distances`; all zero if there are none.
+#[must_use]
+pub fn statistics(distances: &[f64]) -> Statistics {
     let DistanceStatistics {
         count,
         mean,

@@ -9,10 +9,13 @@
 mod measure;
 mod prepare;
 mod process;
+mod register;
 mod settings;
 
+pub use measure::statistics;
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};
-pub use process::{ProcessFailed, ProcessedFrame, process};
+pub use process::{ProcessFailed, ProcessedFrame, process, process_registered};
+pub use register::{Registered, register};
 pub use settings::{InvalidSettings, Settings, TargetSize};
 
 /// The stages of a frame's way through the pipeline.

@@ -1,13 +1,12 @@
 //! One frame, from its prepared mesh to what is delivered.
 
 use steadymesh_draco::{DecodeLimits, MeshView};
-use steadymesh_geometry::registration::{self, Registration, RegistrationError, Target};
 use steadymesh_geometry::simplification::{self, simplify};
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Output, Tracking};
 
-use super::{PreparedFrame, Settings, Stage, StageObserver, measure};
+use super::{PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
 
 /// What becomes of a frame.
 #[derive(Debug, Clone)]
@@ -19,7 +18,8 @@ pub struct ProcessedFrame {
     /// The simplified mesh as players see it: decoded from `draco`.
     pub mesh: TriangleMesh,
     /// The previous frame, registered onto this one, in the precision in which it can be
-    /// written; none for a first frame, without tracking, or if registration failed.
+    /// written; none for a first frame, if registration failed, or if there was no tracking to
+    /// register it for.
     pub registered: Option<TriangleMesh>,
 }
 
@@ -52,22 +52,47 @@ pub fn process(
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
+    let attempt = previous
+        .filter(|_| settings.tracking != Tracking::Off)
+        .map(|previous| register(previous, current, &settings.registration));
+    observer.ended(Stage::Register);
+    let (registered, error) = match attempt.transpose() {
+        Ok(registered) => (registered, None),
+        Err(error) => (None, Some(error.to_string())),
+    };
+    let mut processed = process_registered(current, registered, settings, observer)?;
+    processed.metrics.registration_error = error;
+    Ok(processed)
+}
+
+/// What [`process`] does once the previous frame is registered.
+///
+/// Without tracking, `registered` takes no part in the simplification and the result is
+/// measured against it all the same: this is how the original QEM is compared.
+///
+/// # Errors
+///
+/// [`ProcessFailed`] if Draco refuses its part.
+pub fn process_registered(
+    current: &PreparedFrame,
+    registered: Option<Registered>,
+    settings: &Settings,
+    observer: &mut impl StageObserver,
+) -> Result<ProcessedFrame, ProcessFailed> {
+    let (registered, registration) = registered.map(|r| (r.mesh, r.figures)).unzip();
+    let reference = registered
+        .as_ref()
+        .filter(|_| settings.tracking != Tracking::Off);
     let mut metrics = FrameMetrics {
         input: current.input().clone(),
         bbox_diagonal: current.bounds().diagonal(),
+        tracking: reference.map_or(Tracking::Off, |_| settings.tracking),
+        registration,
         ..FrameMetrics::default()
     };
-    let registered = match previous {
-        Some(previous) if settings.tracking == Tracking::Paper => {
-            register(previous, current, settings, &mut metrics)
-        }
-        _ => None,
-    };
-    observer.ended(Stage::Register);
-
     let options =
         simplification::Options::to_faces(settings.target.faces_of(current.mesh().face_count()));
-    let simplified = simplify(current.mesh(), registered.as_ref(), &options);
+    let simplified = simplify(current.mesh(), reference, &options);
     observer.ended(Stage::Simplify);
 
     let (draco, mesh) = encode(&simplified.mesh, settings)?;
@@ -89,36 +114,6 @@ pub fn process(
         mesh,
         registered,
     })
-}
-
-/// The registered previous frame; what there is to say of it goes into `metrics`.
-fn register(
-    previous: &PreparedFrame,
-    current: &PreparedFrame,
-    settings: &Settings,
-    metrics: &mut FrameMetrics,
-) -> Option<TriangleMesh> {
-    let attempt = || -> Result<(TriangleMesh, Registration), RegistrationError> {
-        let target = Target::new(current.mesh())?;
-        let found = registration::register(previous.mesh(), &target, &settings.registration)?;
-        let mesh = previous
-            .mesh()
-            .with_positions(found.positions.clone())
-            .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
-        // Rounded before it is used, so that what is written is what was measured.
-        Ok((mesh.rounded_to_f32(), found))
-    };
-    match attempt() {
-        Ok((mesh, found)) => {
-            metrics.tracking = Tracking::Paper;
-            metrics.registration = Some(measure::registration(&found));
-            Some(mesh)
-        }
-        Err(error) => {
-            metrics.registration_error = Some(error.to_string());
-            None
-        }
-    }
 }
 
 /// Compresses a mesh, and reads it back as players will see it.

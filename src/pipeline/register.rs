@@ -1,0 +1,41 @@
+//! The previous frame, carried onto the current one.
+
+use steadymesh_geometry::TriangleMesh;
+use steadymesh_geometry::registration::{self, RegistrationError, Target};
+use steadymesh_proto::metrics;
+
+use super::{PreparedFrame, measure};
+
+/// A previous frame that has been registered onto the current one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Registered {
+    /// The previous frame's faces at their registered positions, in the precision in which
+    /// they can be written.
+    pub mesh: TriangleMesh,
+    /// How well it fits.
+    pub figures: metrics::Registration,
+}
+
+/// Registers `previous` onto `current`, with the previous frame's connectivity.
+///
+/// # Errors
+///
+/// [`RegistrationError`] if the frames do not allow it; a bad fit is a result.
+pub fn register(
+    previous: &PreparedFrame,
+    current: &PreparedFrame,
+    options: &registration::Options,
+) -> Result<Registered, RegistrationError> {
+    let target = Target::new(current.mesh())?;
+    let found = registration::register(previous.mesh(), &target, options)?;
+    let figures = measure::registration(&found);
+    let mesh = previous
+        .mesh()
+        .with_positions(found.positions)
+        .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
+    Ok(Registered {
+        // Rounded before it is used, so that what is written is what was measured.
+        mesh: mesh.rounded_to_f32(),
+        figures,
+    })
+}
