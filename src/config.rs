@@ -305,6 +305,22 @@ mod tests {
     }
 
     #[test]
+    fn the_documented_settings_are_all_there_are_with_their_defaults() {
+        let page = include_str!("../docs/configuration.md");
+        let toml = page.split("```toml\n").nth(1).unwrap();
+        let mut config = from_toml(toml.split("```").next().unwrap()).unwrap();
+        let documented = std::mem::take(&mut config.streams.defaults);
+        assert_eq!(config, Config::default());
+        let nothing = StreamConfig::default();
+        let limit = config.limits.faces;
+        let own = streams::Configured::new(&nothing, &nothing, limit).unwrap();
+        assert_eq!(documented, own.config);
+        for name in setting_names() {
+            assert!(toml.contains(&name), "{name} is not documented");
+        }
+    }
+
+    #[test]
     fn a_setting_that_does_not_exist_is_named() {
         let error = from_toml("[limits]\nbody_bites = 3").unwrap_err();
         assert!(error.contains("body_bites"), "{error}");
