@@ -81,6 +81,8 @@ pub struct Streams {
     pub history: usize,
     /// How many frames a player may fall behind before it is taken to the newest.
     pub subscriber_queue: usize,
+    /// Seconds for which the place of a publisher that vanished is kept.
+    pub linger_secs: u64,
     /// Seconds after which a stream without frames ends.
     pub idle_timeout_secs: u64,
     /// What a stream's configuration leaves out.
@@ -164,6 +166,7 @@ impl Default for Streams {
             queue_depth: 4,
             history: 300,
             subscriber_queue: 8,
+            linger_secs: 5,
             idle_timeout_secs: 3600,
             defaults: StreamConfig::default(),
         }
@@ -248,6 +251,7 @@ impl Config {
             queue_depth: self.streams.queue_depth,
             history: self.streams.history,
             subscriber_queue: self.streams.subscriber_queue,
+            linger: Duration::from_secs(self.streams.linger_secs),
             idle_timeout: Duration::from_secs(self.streams.idle_timeout_secs),
             limits: Limits {
                 max_vertices: self.limits.vertices,

@@ -164,6 +164,100 @@ pub enum ControlMessage {
     },
 }
 
+/// A text message of a publisher to the server, told apart by `type`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase", deny_unknown_fields)]
+pub enum PublisherMessage {
+    /// About the next binary message.
+    Frame {
+        /// The frame's number.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        seq: Option<u64>,
+        /// When it was captured, in microseconds since 1970-01-01T00:00:00Z.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        capture_time_us: Option<u64>,
+    },
+}
+
+/// A text message of the server to a publisher, told apart by `type`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "type", rename_all = "lowercase")]
+pub enum PublishReply {
+    /// The first message of a connection.
+    Welcome {
+        /// [`SUBPROTOCOL`](crate::SUBPROTOCOL).
+        protocol: String,
+        /// The stream's name.
+        stream: String,
+        /// What a publisher whose connection breaks presents to come back.
+        session: String,
+        /// The newest number that the stream has accepted; none before the first.
+        latest_seq: Option<u64>,
+        /// As in [`PublishReply::Credit`].
+        credit: u64,
+        /// The stream's configuration, defaults filled in.
+        config: StreamConfig,
+    },
+    /// Frames whose `message` is below this number may be sent.
+    Credit {
+        /// It never falls.
+        credit: u64,
+    },
+    /// What became of a frame.
+    Ack {
+        /// Which one: frames of a connection are counted from 0.
+        message: u64,
+        /// Its state.
+        #[serde(flatten)]
+        state: FrameState,
+    },
+}
+
+/// What became of a frame that came by WebSocket.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "state", rename_all = "lowercase")]
+pub enum FrameState {
+    /// It is a good one and has its place.
+    Accepted {
+        /// Its number.
+        seq: u64,
+    },
+    /// It had its place before: nothing was done.
+    Duplicate {
+        /// Its number.
+        seq: u64,
+    },
+    /// It is not taken.
+    Rejected {
+        /// Why.
+        problem: Problem,
+    },
+    /// It is out.
+    Published {
+        /// Its number.
+        seq: u64,
+    },
+    /// It was accepted and is not coming.
+    Dropped {
+        /// Its number.
+        seq: u64,
+        /// Why.
+        reason: DropReason,
+    },
+}
+
+/// Why a frame that was accepted is not coming.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DropReason {
+    /// A newer frame took its place.
+    Overload,
+    /// A defect of the server.
+    Failed,
+    /// The stream ended before.
+    Ended,
+}
+
 /// Why a stream ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -211,6 +305,20 @@ mod tests {
         let reason = EndReason::Deleted;
         let end = serde_json::to_string(&ControlMessage::End { reason }).unwrap();
         assert_eq!(end, r#"{"type":"end","reason":"deleted"}"#);
+    }
+
+    #[test]
+    fn acknowledgements_have_the_documented_form() {
+        let ack = |state| serde_json::to_string(&PublishReply::Ack { message: 3, state }).unwrap();
+        assert_eq!(
+            ack(FrameState::Accepted { seq: 41 }),
+            r#"{"type":"ack","message":3,"state":"accepted","seq":41}"#
+        );
+        let reason = DropReason::Overload;
+        assert_eq!(
+            ack(FrameState::Dropped { seq: 41, reason }),
+            r#"{"type":"ack","message":3,"state":"dropped","seq":41,"reason":"overload"}"#
+        );
     }
 
     #[test]

@@ -5,8 +5,8 @@
 
 mod evaluate;
 mod frame_files;
-mod frame_publisher;
 mod frame_source;
+mod http_publisher;
 mod output_files;
 mod progress;
 mod publish;
@@ -15,6 +15,7 @@ mod simplify;
 mod stream_url;
 mod subscribe;
 mod tracking_mode;
+mod websocket_publisher;
 
 use std::process::ExitCode;
 

@@ -4,15 +4,16 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use steadymesh_synthetic_rig::Options;
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::frame_publisher::{FramePublisher, Sent};
-use super::frame_source::FrameSource;
+use super::frame_source::{FrameSource, SourceFrame};
+use super::http_publisher::{HttpPublisher, Sent};
 use super::progress::counter;
 use super::stream_url::StreamUrl;
+use super::websocket_publisher::WebSocketPublisher;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -26,6 +27,9 @@ pub(super) struct Arguments {
     /// Begin anew after the last frame.
     #[arg(long = "loop")]
     repeat: bool,
+    /// How frames are sent.
+    #[arg(long, value_enum, default_value_t = Transport::Http)]
+    transport: Transport,
     /// Vertices of a synthetic frame, about.
     #[arg(long, value_name = "N", default_value_t = Options::default().vertex_count, conflicts_with = "paths")]
     vertices: usize,
@@ -39,6 +43,20 @@ struct SourceArguments {
     /// An animated figure, remeshed in every frame.
     #[arg(long)]
     synthetic: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Transport {
+    /// One request a frame.
+    Http,
+    /// One connection, with frames sent ahead as far as the server gives credit.
+    Ws,
+}
+
+/// The publisher of the transport that was asked for.
+enum Publisher {
+    Http(HttpPublisher),
+    WebSocket(Box<WebSocketPublisher>),
 }
 
 /// What has been done.
@@ -114,7 +132,10 @@ async fn send_all(
     tally: &mut Tally,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
-    let mut publisher = FramePublisher::new(url)?;
+    let mut publisher = match arguments.transport {
+        Transport::Http => Publisher::Http(HttpPublisher::new(url)?),
+        Transport::Ws => Publisher::WebSocket(Box::new(WebSocketPublisher::connect(url).await?)),
+    };
     let mut pace = interval(Duration::from_secs_f64(1.0 / arguments.fps));
     // A frame that comes late is not made up for: the server would get a burst.
     pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -122,21 +143,64 @@ async fn send_all(
         for index in 0..source.len() {
             let frame = source.frame(index).await?;
             pace.tick().await;
-            match publisher.send(&frame, &mut tally.waits).await? {
-                Sent::Accepted => {
-                    tally.sent += 1;
-                    tally.bytes += frame.body.len() as u64;
-                    progress.inc(1);
-                }
-                Sent::Refused(reason) => {
-                    tally.refused += 1;
-                    progress.suspend(|| super::say(&format!("{}: {reason}", frame.name)));
-                }
-            }
+            publisher.send(frame, tally, progress).await?;
         }
         if !arguments.repeat {
-            return Ok(());
+            return publisher.finish(tally, progress).await;
         }
+    }
+}
+
+impl Publisher {
+    async fn send(
+        &mut self,
+        frame: SourceFrame,
+        tally: &mut Tally,
+        progress: &ProgressBar,
+    ) -> anyhow::Result<()> {
+        let bytes = frame.body.len() as u64;
+        match self {
+            Self::Http(publisher) => match publisher.send(&frame, &mut tally.waits).await? {
+                Sent::Accepted => tally.count(1, progress),
+                Sent::Refused(reason) => tally.refuse(&frame.name, &reason, progress),
+            },
+            Self::WebSocket(publisher) => {
+                publisher.send(frame).await?;
+                tally.take(publisher, progress);
+            }
+        }
+        tally.bytes += bytes;
+        Ok(())
+    }
+
+    async fn finish(&mut self, tally: &mut Tally, progress: &ProgressBar) -> anyhow::Result<()> {
+        if let Self::WebSocket(publisher) = self {
+            let finished = publisher.finish().await;
+            tally.take(publisher, progress);
+            finished?;
+        }
+        Ok(())
+    }
+}
+
+impl Tally {
+    fn take(&mut self, publisher: &mut WebSocketPublisher, progress: &ProgressBar) {
+        let news = publisher.progress();
+        self.count(news.accepted, progress);
+        self.waits += news.waits;
+        for (name, reason) in news.refused {
+            self.refuse(&name, &reason, progress);
+        }
+    }
+
+    fn count(&mut self, accepted: u64, progress: &ProgressBar) {
+        self.sent += accepted;
+        progress.inc(accepted);
+    }
+
+    fn refuse(&mut self, name: &str, reason: &str, progress: &ProgressBar) {
+        self.refused += 1;
+        progress.suspend(|| super::say(&format!("{name}: {reason}")));
     }
 }
 

@@ -104,7 +104,7 @@ async fn receive(
 }
 
 /// The server's own words where it has some.
-fn explain(error: Error, address: &str) -> anyhow::Error {
+pub(super) fn explain(error: Error, address: &str) -> anyhow::Error {
     if let Error::Http(response) = &error {
         let body = response.body().as_deref().unwrap_or_default();
         let detail = serde_json::from_slice::<Problem>(body).map(|problem| problem.detail);

@@ -118,6 +118,17 @@ impl Problem {
         .retry_after(SOON_MS)
     }
 
+    /// The stream has a publisher by connection.
+    pub fn occupied() -> Self {
+        Self::new(
+            StatusCode::CONFLICT,
+            "another-publisher",
+            "Another publisher",
+            "another publisher is connected to the stream, or expected back: wait until it has \
+             left, or say ?takeover=true to end its connection",
+        )
+    }
+
     /// An accepted frame did not come out.
     pub fn frame_lost(detail: impl Into<String>) -> Self {
         let status = StatusCode::SERVICE_UNAVAILABLE;
@@ -133,6 +144,19 @@ impl Problem {
     /// Whether this refuses what the publisher sent, rather than telling it to wait.
     pub fn is_rejection(&self) -> bool {
         self.status.is_client_error() && self.status != StatusCode::TOO_MANY_REQUESTS
+    }
+}
+
+impl Problem {
+    /// The document itself, for messages.
+    pub fn into_document(self) -> stream::Problem {
+        stream::Problem {
+            r#type: format!("urn:steadymesh:problem:{}", self.kind),
+            title: self.title.to_owned(),
+            status: self.status.as_u16(),
+            detail: self.detail,
+            retry_after_ms: self.retry_after_ms,
+        }
     }
 }
 
@@ -177,6 +201,7 @@ impl From<Refused> for Problem {
                 Self::new(StatusCode::TOO_MANY_REQUESTS, "queue-full", title, detail)
                     .retry_after(NEXT_FRAME_MS)
             }
+            Refused::Occupied(_) => Self::occupied(),
             Refused::Ended => Self::new(
                 StatusCode::SERVICE_UNAVAILABLE,
                 "stream-ended",
@@ -205,18 +230,12 @@ impl From<Refused> for Problem {
 
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
-        let document = stream::Problem {
-            r#type: format!("urn:steadymesh:problem:{}", self.kind),
-            title: self.title.to_owned(),
-            status: self.status.as_u16(),
-            detail: self.detail,
-            retry_after_ms: self.retry_after_ms,
-        };
-        let mut response = (self.status, Json(document)).into_response();
+        let (status, retry_after_ms) = (self.status, self.retry_after_ms);
+        let mut response = (status, Json(self.into_document())).into_response();
         let headers = response.headers_mut();
         let problem_json = HeaderValue::from_static("application/problem+json");
         headers.insert(header::CONTENT_TYPE, problem_json);
-        if let Some(milliseconds) = self.retry_after_ms {
+        if let Some(milliseconds) = retry_after_ms {
             let seconds = milliseconds.div_ceil(1000);
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
         }

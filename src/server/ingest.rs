@@ -30,8 +30,21 @@ const TYPES: &str = "model/obj, model/ply, model/gltf-binary, application/vnd.dr
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Stamps {
-    seq: Option<u64>,
-    capture_time_us: Option<u64>,
+    pub seq: Option<u64>,
+    pub capture_time_us: Option<u64>,
+    /// Whether a publisher by connection is to make way.
+    #[serde(default)]
+    takeover: bool,
+}
+
+impl Stamps {
+    pub fn new(seq: Option<u64>, capture_time_us: Option<u64>) -> Self {
+        Self {
+            seq,
+            capture_time_us,
+            takeover: false,
+        }
+    }
 }
 
 /// `POST /v1/streams/{stream}/frames`.
@@ -84,7 +97,7 @@ async fn take_frame(
         Err(problem) => return refuse(problem, request_body).await,
     };
     // Before the body is read, so that a full queue holds no bodies.
-    let place = match stream.reserve() {
+    let place = match stream.reserve(stamps.takeover) {
         Ok(place) => place,
         Err(refused) => return refuse(refused.into(), request_body).await,
     };
@@ -106,7 +119,7 @@ async fn take_frame(
         capture_time_us: stamps.capture_time_us,
         arrived,
     };
-    Ok(place.submit(submission).await?)
+    Ok(place.submit(submission)?.accepted().await?)
 }
 
 /// The format that the headers name; none if the server is to find out.
@@ -136,7 +149,8 @@ fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
     }
 }
 
-fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
+/// The format that the body begins like.
+pub(super) fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
     if bytes.is_empty() {
         return Err(Refused::from(ReadError::EmptyBody).into());
     }
@@ -149,7 +163,11 @@ fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
 }
 
 /// A native frame says itself which one it is; the query has the last word.
-fn with_native_stamps(stamps: Stamps, format: Format, bytes: &Bytes) -> Result<Stamps, Problem> {
+pub(super) fn with_native_stamps(
+    stamps: Stamps,
+    format: Format,
+    bytes: &Bytes,
+) -> Result<Stamps, Problem> {
     if format != Format::Native || bytes.is_empty() {
         return Ok(stamps);
     }
@@ -157,6 +175,7 @@ fn with_native_stamps(stamps: Stamps, format: Format, bytes: &Bytes) -> Result<S
     Ok(Stamps {
         seq: stamps.seq.or(own.seq),
         capture_time_us: stamps.capture_time_us.or(own.capture_time_us),
+        ..stamps
     })
 }
 

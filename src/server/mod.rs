@@ -12,7 +12,9 @@ mod ingest;
 mod internal;
 mod player;
 mod prefer;
+mod publish;
 mod router;
+mod socket;
 mod subscribe;
 
 use std::io;

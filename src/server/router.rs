@@ -10,7 +10,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
 
 use super::error::Problem;
-use super::{App, control, frames, ingest, player, subscribe};
+use super::{App, control, frames, ingest, player, publish, subscribe};
 
 /// A configuration is a few hundred bytes.
 const MAX_DOCUMENT_BYTES: usize = 64 << 10;
@@ -32,6 +32,7 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/v1/streams/{stream}/frames/{file}", get(frames::get_frame))
         .route("/v1/streams/{stream}/frames/{seq}/metrics", frame_metrics)
         .route("/v1/streams/{stream}/metrics", get(frames::get_metrics))
+        .route("/v1/streams/{stream}/publish", get(publish::publish))
         .route("/v1/streams/{stream}/subscribe", get(subscribe::subscribe))
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)

@@ -1,13 +1,16 @@
 //! Live streams: who may put frames in, what becomes of them, and who gets them.
 //!
 //! [`Registry`] has all of them by name. A [`Stream`] is what publishers, readers and
-//! operators hold; its task, which nobody holds, does the work. A [`Subscription`] is one
-//! reader's place in a stream.
+//! operators hold; its task, which nobody holds, does the work. A [`Publication`] is one
+//! publisher's hold on a stream, a [`Subscription`] one reader's place in it.
 //!
 //! Nothing here knows HTTP.
 
 mod history;
+mod intake;
 mod name;
+mod publication;
+mod publisher_slot;
 mod registry;
 mod settings;
 mod stream;
@@ -15,8 +18,11 @@ mod subscription;
 mod task;
 
 pub use history::{Delivered, Loss, Outcome};
+pub use intake::{Place, Refused, Submission, Ticket};
 pub use name::{InvalidStreamName, StreamName};
+pub use publication::Publication;
+pub use publisher_slot::{Occupied, Session};
 pub use registry::{NotConfigured, Options, Registry};
 pub use settings::{Configured, InvalidConfig, POSITION_BITS};
-pub use stream::{Place, Refused, Stream, Submission};
+pub use stream::Stream;
 pub use subscription::{Delivery, Subscription};

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use steadymesh_mesh_io::Limits;
 use steadymesh_proto::stream::{StreamConfig, StreamSummary};
-use tokio::sync::mpsc;
 use tokio_util::task::TaskTracker;
 
 use crate::compute::ComputePool;
 use crate::telemetry::Telemetry;
 
 use super::StreamName;
+use super::intake::Intake;
 use super::settings::{Configured, InvalidConfig};
 use super::stream::{Parts, Request, Stream};
 use super::task::Task;
@@ -32,6 +32,8 @@ pub struct Options {
     pub history: usize,
     /// How far a reader may fall behind before it is taken to the newest frame, in frames.
     pub subscriber_queue: usize,
+    /// How long a publisher that vanished is expected back.
+    pub linger: Duration,
     /// How long a stream without frames is kept.
     pub idle_timeout: Duration,
     /// How large a frame may be.
@@ -218,18 +220,19 @@ impl Shared {
         if limit <= streams.len() {
             return Err(NotConfigured::TooManyStreams { limit });
         }
-        let (sender, intake) = mpsc::channel(options.queue_depth.max(1));
+        let (intake, incoming) = Intake::new(options.queue_depth);
         let parts = Parts {
             name: name.clone(),
             configured,
             history: options.history,
             subscriber_queue: options.subscriber_queue,
+            linger: options.linger,
             metrics: self.telemetry.stream(name.as_str()),
         };
-        let stream = Arc::new(Stream::new(parts, sender));
+        let stream = Arc::new(Stream::new(parts, intake));
         let task = Task {
             stream: Arc::clone(&stream),
-            intake,
+            intake: incoming,
             pool: Arc::clone(&self.pool),
             limits: options.limits,
             queue_depth: options.queue_depth.max(1),

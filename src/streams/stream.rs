@@ -4,65 +4,21 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-use bytes::Bytes;
-use steadymesh_mesh_io::{Format, ReadError};
 use steadymesh_proto::FrameMetrics;
-use steadymesh_proto::stream::{Accepted, EndReason, StreamCounters, StreamState, StreamSummary};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot, watch};
+use steadymesh_proto::stream::{EndReason, StreamCounters, StreamState, StreamSummary};
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
 
-use crate::pipeline::UnusableFrame;
 use crate::stopwatch::microseconds;
 use crate::telemetry::StreamMetrics;
 
 use super::history::{Delivered, History, Loss, Outcome};
-use super::{Configured, StreamName, Subscription};
+use super::intake::Intake;
+use super::publisher_slot::PublisherSlot;
+use super::{Configured, Occupied, Place, Publication, Refused, Session, StreamName, Subscription};
 
 /// A stream is called live for so long after its last frame.
 const LIVE_FOR: Duration = Duration::from_secs(5);
-
-/// A frame's body on its way in.
-#[derive(Debug)]
-pub struct Submission {
-    /// The body.
-    pub bytes: Bytes,
-    /// What it is.
-    pub format: Format,
-    /// The frame's number, if the rig counts.
-    pub seq: Option<u64>,
-    /// When it was captured, in microseconds since 1970, if the rig says so.
-    pub capture_time_us: Option<u64>,
-    /// When the whole body was there.
-    pub arrived: Instant,
-}
-
-/// Why a frame did not get into the stream.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum Refused {
-    /// As many frames as the stream may hold are waiting already.
-    #[error("the stream's queue is full: frames come faster than they are processed")]
-    QueueFull,
-    /// The stream has ended or is about to.
-    #[error("the stream has ended")]
-    Ended,
-    /// The body is not a mesh in this format, or too large a one.
-    #[error(transparent)]
-    Unreadable(#[from] ReadError),
-    /// It is a mesh, but not one that can be worked on.
-    #[error(transparent)]
-    Unusable(#[from] UnusableFrame),
-    /// Numbers ascend.
-    #[error("the frame's number is {seq}, but frame {latest} has already been accepted")]
-    SeqGoesBack {
-        /// The frame's number.
-        seq: u64,
-        /// The newest accepted one.
-        latest: u64,
-    },
-    /// A defect.
-    #[error("the frame could not be read because of a defect of the server")]
-    Panicked,
-}
 
 /// How far a stream has come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -84,14 +40,6 @@ pub(super) enum Request {
     Delete,
 }
 
-/// A submission with the way back to whoever sent it.
-#[derive(Debug)]
-pub(super) struct Incoming {
-    pub submission: Submission,
-    pub reply: oneshot::Sender<Result<Accepted, Refused>>,
-    pub place: OwnedSemaphorePermit,
-}
-
 #[derive(Debug, Default)]
 pub(super) struct Counters {
     pub received: AtomicU64,
@@ -110,13 +58,15 @@ pub(super) struct Counters {
 pub struct Stream {
     name: StreamName,
     created: SystemTime,
-    intake: mpsc::Sender<Incoming>,
-    places: Arc<Semaphore>,
+    intake: Intake,
+    publisher: Mutex<PublisherSlot>,
+    linger: Duration,
     request: watch::Sender<Request>,
     position: watch::Sender<Position>,
     configured: Mutex<Arc<Configured>>,
     history: Mutex<History>,
     last_arrival: Mutex<Option<Instant>>,
+    latest_accepted: Mutex<Option<u64>>,
     pub(super) counters: Counters,
     metrics: StreamMetrics,
     subscriber_queue: usize,
@@ -129,52 +79,25 @@ pub(super) struct Parts {
     pub configured: Configured,
     pub history: usize,
     pub subscriber_queue: usize,
+    /// How long a publisher that vanished is expected back.
+    pub linger: Duration,
     pub metrics: StreamMetrics,
 }
 
-/// A place in a stream's queue, taken before the body is read.
-#[derive(Debug)]
-pub struct Place {
-    place: OwnedSemaphorePermit,
-    intake: mpsc::Sender<Incoming>,
-}
-
-impl Place {
-    /// Hands in a frame, and waits until it has been accepted or refused. Frames are taken in
-    /// the order of these calls.
-    ///
-    /// # Errors
-    ///
-    /// [`Refused`] says why the frame does not take part.
-    pub async fn submit(self, submission: Submission) -> Result<Accepted, Refused> {
-        let (reply, accepted) = oneshot::channel();
-        let incoming = Incoming {
-            submission,
-            reply,
-            place: self.place,
-        };
-        // The channel holds as many as there are places, so it is never full.
-        if self.intake.try_send(incoming).is_err() {
-            return Err(Refused::Ended);
-        }
-        // A task that ends drops what it has not answered.
-        accepted.await.unwrap_or(Err(Refused::Ended))
-    }
-}
-
 impl Stream {
-    /// The channel's capacity is the number of places in the queue.
-    pub(super) fn new(parts: Parts, intake: mpsc::Sender<Incoming>) -> Self {
+    pub(super) fn new(parts: Parts, intake: Intake) -> Self {
         Self {
             name: parts.name,
             created: SystemTime::now(),
-            places: Arc::new(Semaphore::new(intake.max_capacity())),
             intake,
+            publisher: Mutex::default(),
+            linger: parts.linger,
             request: watch::Sender::new(Request::Run),
             position: watch::Sender::new(Position::default()),
             configured: Mutex::new(Arc::new(parts.configured)),
             history: Mutex::new(History::new(parts.history)),
-            last_arrival: Mutex::new(None),
+            last_arrival: Mutex::default(),
+            latest_accepted: Mutex::default(),
             counters: Counters::default(),
             metrics: parts.metrics,
             subscriber_queue: parts.subscriber_queue,
@@ -187,20 +110,38 @@ impl Stream {
         &self.name
     }
 
-    /// Takes a place in the queue.
+    /// Takes a place in the queue, for frames that come without a connection of their own.
     ///
     /// # Errors
     ///
-    /// [`Refused::QueueFull`] and [`Refused::Ended`].
-    pub fn reserve(&self) -> Result<Place, Refused> {
-        if self.intake.is_closed() {
-            return Err(Refused::Ended);
-        }
-        let place = Arc::clone(&self.places).try_acquire_owned();
-        Ok(Place {
-            place: place.map_err(|_| Refused::QueueFull)?,
-            intake: self.intake.clone(),
-        })
+    /// [`Refused::Occupied`] if the stream has a publisher by connection and this is no
+    /// `takeover`, [`Refused::QueueFull`] and [`Refused::Ended`].
+    pub fn reserve(&self, takeover: bool) -> Result<Place, Refused> {
+        lock(&self.publisher).pass(takeover, Instant::now())?;
+        self.intake.reserve()
+    }
+
+    /// Takes the publisher's place.
+    ///
+    /// # Errors
+    ///
+    /// [`Occupied`] if another publisher has it and this is no `takeover`.
+    pub fn publish(
+        self: &Arc<Self>,
+        session: Session,
+        takeover: bool,
+    ) -> Result<Publication, Occupied> {
+        let claim = lock(&self.publisher).claim(session.clone(), takeover, Instant::now());
+        Ok(Publication::new(Arc::clone(self), session, claim?))
+    }
+
+    pub(super) fn intake(&self) -> &Intake {
+        &self.intake
+    }
+
+    pub(super) fn release_publisher(&self, claim: &CancellationToken, comes_back: bool) {
+        let keep = comes_back.then_some(self.linger);
+        lock(&self.publisher).release(claim, keep, Instant::now());
     }
 
     /// Counts a frame that was refused.
@@ -259,12 +200,32 @@ impl Stream {
         self.position.borrow().end.is_some()
     }
 
+    /// Waits until it has ended.
+    pub fn ended(&self) -> impl Future<Output = EndReason> + use<> {
+        let mut position = self.watch();
+        async move {
+            let ended = position.wait_for(|position| position.end.is_some()).await;
+            // A stream that is gone without having ended went with its server.
+            ended
+                .ok()
+                .and_then(|position| position.end)
+                .unwrap_or(EndReason::Shutdown)
+        }
+    }
+
+    /// The newest number that has been accepted.
+    #[must_use]
+    pub fn latest_accepted(&self) -> Option<u64> {
+        *lock(&self.latest_accepted)
+    }
+
     /// What operators and players see of it.
     #[must_use]
     pub fn summary(&self) -> StreamSummary {
         let counters = &self.counters;
         let last_arrival = *lock(&self.last_arrival);
-        let is_live = last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR);
+        let is_live = last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR)
+            || lock(&self.publisher).is_held(Instant::now());
         let created = self.created.duration_since(SystemTime::UNIX_EPOCH);
         StreamSummary {
             stream: self.name.to_string(),
@@ -323,7 +284,8 @@ impl Stream {
         Some((Arc::clone(next), Arc::clone(history.newest()?)))
     }
 
-    pub(super) fn count_received(&self, byte_count: usize, arrived: Instant) {
+    pub(super) fn count_received(&self, seq: u64, byte_count: usize, arrived: Instant) {
+        *lock(&self.latest_accepted) = Some(seq);
         *lock(&self.last_arrival) = Some(arrived);
         self.counters.received.fetch_add(1, Relaxed);
         self.counters.bytes_in.fetch_add(byte_count as u64, Relaxed);

@@ -27,7 +27,8 @@ use crate::pipeline::{PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, pr
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::history::Loss;
-use super::stream::{Incoming, Refused, Request, Stream, Submission};
+use super::intake::{Incoming, Refused, Submission};
+use super::stream::{Request, Stream};
 
 /// What a task works with.
 #[derive(Debug)]
@@ -229,7 +230,8 @@ impl Task {
             times,
             _place: (overload == Overload::Lossless).then_some(read.place),
         });
-        self.stream.count_received(read.byte_count, read.arrived);
+        self.stream
+            .count_received(seq, read.byte_count, read.arrived);
         let queued = self.stream.counters.queued.fetch_add(1, Relaxed) + 1;
         self.stream.metrics().queued.set(queued as i64);
         let accepted = Accepted {

@@ -11,5 +11,6 @@ mod control;
 mod frames;
 mod ingest;
 mod operations;
+mod publish;
 mod subscribe;
 mod support;

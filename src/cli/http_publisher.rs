@@ -25,7 +25,7 @@ pub(super) enum Sent {
 
 /// A publisher of one stream.
 #[derive(Debug)]
-pub(super) struct FramePublisher {
+pub(super) struct HttpPublisher {
     client: Client,
     frames: reqwest::Url,
     /// The next frame's number, once the server has given one. With it a frame whose answer was
@@ -33,7 +33,7 @@ pub(super) struct FramePublisher {
     next_seq: Option<u64>,
 }
 
-impl FramePublisher {
+impl HttpPublisher {
     pub fn new(url: &StreamUrl) -> anyhow::Result<Self> {
         let client = Client::builder().timeout(PATIENCE).build()?;
         Ok(Self {

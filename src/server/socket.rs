@@ -1,0 +1,108 @@
+//! What both kinds of WebSocket connections need: the handshake, messages with a deadline, signs
+//! of life, and close codes.
+
+use std::time::Duration;
+
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
+use futures_util::SinkExt;
+use futures_util::stream::SplitSink;
+use serde::Serialize;
+use steadymesh_proto::SUBPROTOCOL;
+use steadymesh_proto::stream::EndReason;
+use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at, timeout};
+
+use super::error::Problem;
+
+/// A client is asked for a sign of life this often,
+const PING_EVERY: Duration = Duration::from_secs(20);
+/// and is taken for gone when there has been none for so long.
+pub(super) const SILENCE: Duration = Duration::from_secs(50);
+
+/// Close codes of our own are 4000 and the HTTP status that means the same.
+pub(super) const CLOSE_SILENT: u16 = 4408;
+pub(super) const CLOSE_SUPERSEDED: u16 = 4409;
+pub(super) const CLOSE_TOO_FAR_BEHIND: u16 = 4429;
+
+/// Checks the handshake and the subprotocol. A client that offers none gets the only one.
+///
+/// # Errors
+///
+/// 400 if the request is no handshake, or offers other subprotocols only.
+pub(super) fn accept(
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<WebSocketUpgrade, Problem> {
+    let upgrade = upgrade.map_err(|error| {
+        Problem::bad_request(format!(
+            "this address speaks WebSocket, subprotocol {SUBPROTOCOL}: {}",
+            error.body_text()
+        ))
+    })?;
+    let offered: Vec<String> = upgrade
+        .requested_protocols()
+        .filter_map(|protocol| protocol.to_str().ok().map(str::to_owned))
+        .collect();
+    if !offered.is_empty() && !offered.iter().any(|protocol| protocol == SUBPROTOCOL) {
+        return Err(Problem::bad_request(format!(
+            "of the subprotocols {} none is spoken here: offer {SUBPROTOCOL}",
+            offered.join(", ")
+        )));
+    }
+    Ok(upgrade.protocols([SUBPROTOCOL]))
+}
+
+/// When to ask for signs of life.
+pub(super) fn pings() -> Interval {
+    let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
+    pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    pings
+}
+
+/// The close code and reason for the end of a stream.
+pub(super) fn close_of(reason: EndReason) -> (u16, &'static str) {
+    match reason {
+        EndReason::Deleted => (close_code::NORMAL, "the stream was deleted"),
+        EndReason::Idle => (close_code::NORMAL, "the stream ended for lack of frames"),
+        EndReason::Shutdown => (close_code::AWAY, "the server is stopping"),
+    }
+}
+
+/// The message did not get through in time, or the connection is broken.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NotSent;
+
+/// The way to one client. Each message is flushed before the next one is taken, so that what
+/// waits here is one message and the operating system's buffer.
+pub(super) struct Outgoing {
+    sink: SplitSink<WebSocket, Message>,
+    send_timeout: Duration,
+}
+
+impl Outgoing {
+    pub fn new(sink: SplitSink<WebSocket, Message>, send_timeout: Duration) -> Self {
+        Self { sink, send_timeout }
+    }
+
+    pub async fn say(&mut self, message: &impl Serialize) -> Result<(), NotSent> {
+        // Plain names and numbers always serialize.
+        let text = serde_json::to_string(message).map_err(|_| NotSent)?;
+        self.send(Message::Text(text.into())).await
+    }
+
+    pub async fn ping(&mut self) -> Result<(), NotSent> {
+        self.send(Message::Ping(bytes::Bytes::new())).await
+    }
+
+    pub async fn close(&mut self, code: u16, reason: &'static str) -> Result<(), NotSent> {
+        let reason = Utf8Bytes::from_static(reason);
+        self.send(Message::Close(Some(CloseFrame { code, reason })))
+            .await
+    }
+
+    pub async fn send(&mut self, message: Message) -> Result<(), NotSent> {
+        match timeout(self.send_timeout, self.sink.send(message)).await {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) | Err(_) => Err(NotSent),
+        }
+    }
+}

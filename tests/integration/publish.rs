@@ -1,0 +1,303 @@
+//! Frames in by WebSocket.
+
+use std::time::Duration;
+
+use futures_util::{SinkExt, StreamExt};
+use reqwest::StatusCode;
+use serde_json::{Value, json};
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::{Error, Message};
+
+use crate::support::{Player, TestServer, frames, problem, start, start_with};
+
+/// A rig's connection, past its welcome.
+struct RigConnection {
+    connection: Player,
+    welcome: Value,
+}
+
+async fn connect(server: &TestServer, query: &str) -> RigConnection {
+    try_connect(server, query).await.unwrap()
+}
+
+async fn try_connect(server: &TestServer, query: &str) -> Result<RigConnection, StatusCode> {
+    let url = server
+        .url(&format!("/v1/streams/demo/publish{query}"))
+        .replacen("http", "ws", 1);
+    match tokio_tungstenite::connect_async(url).await {
+        Ok((socket, _)) => {
+            let mut connection = Player { socket };
+            let welcome = connection.control().await;
+            Ok(RigConnection {
+                connection,
+                welcome,
+            })
+        }
+        Err(Error::Http(response)) => {
+            Err(StatusCode::from_u16(response.status().as_u16()).unwrap())
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+impl RigConnection {
+    async fn send(&mut self, body: Vec<u8>) {
+        self.connection
+            .socket
+            .send(Message::Binary(body.into()))
+            .await
+            .unwrap();
+    }
+
+    async fn say(&mut self, message: Value) {
+        let text = message.to_string();
+        self.connection
+            .socket
+            .send(Message::Text(text.into()))
+            .await
+            .unwrap();
+    }
+
+    /// The next acknowledgement; grants of credit are passed over.
+    async fn ack(&mut self) -> Value {
+        loop {
+            let message = self.connection.control().await;
+            if message["type"] == "ack" {
+                return message;
+            }
+            assert_eq!(message["type"], "credit");
+        }
+    }
+
+    async fn close_code(&mut self) -> CloseCode {
+        loop {
+            match self.connection.socket.next().await {
+                Some(Ok(Message::Close(Some(close)))) => return close.code,
+                Some(Ok(_)) => {}
+                other => panic!("a close frame was expected, not {other:?}"),
+            }
+        }
+    }
+}
+
+#[tokio::test]
+async fn every_frame_is_acknowledged_when_it_is_in_and_when_it_is_out() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    assert_eq!(rig.welcome["type"], "welcome");
+    assert_eq!(rig.welcome["protocol"], "steadymesh.v1");
+    assert_eq!(rig.welcome["latest_seq"], json!(null));
+    assert_eq!(rig.welcome["credit"], 4);
+    for (message, body) in frames(3).into_iter().enumerate() {
+        rig.send(body).await;
+        let accepted =
+            json!({"type": "ack", "message": message, "state": "accepted", "seq": message});
+        assert_eq!(rig.ack().await, accepted);
+        let published =
+            json!({"type": "ack", "message": message, "state": "published", "seq": message});
+        assert_eq!(rig.ack().await, published);
+    }
+    let latest = server.json("/v1/streams/demo/frames/latest/metrics").await;
+    assert_eq!(
+        (&latest["seq"], &latest["reference_seq"]),
+        (&json!(2), &json!(1))
+    );
+}
+
+#[tokio::test]
+async fn a_rig_that_waits_for_credit_is_never_refused() {
+    let server = start_with(|config| config.streams.queue_depth = 2).await;
+    let mut rig = connect(&server, "").await;
+    let mut credit = rig.welcome["credit"].as_u64().unwrap();
+    let (mut sent, mut published) = (0, 0);
+    let bodies = frames(12);
+    while published < 12 {
+        while sent < credit && sent < 12 {
+            rig.send(bodies[sent as usize].clone()).await;
+            sent += 1;
+        }
+        let message = rig.connection.control().await;
+        if message["type"] == "credit" {
+            assert!(credit < message["credit"].as_u64().unwrap());
+            credit = message["credit"].as_u64().unwrap();
+        } else {
+            assert_ne!(message["state"], "rejected", "{message}");
+            assert_ne!(message["state"], "dropped", "{message}");
+            published += u64::from(message["state"] == "published");
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_rig_that_does_not_wait_for_credit_is_told_so_and_goes_on() {
+    let server = start_with(|config| {
+        config.streams.queue_depth = 1;
+        config.compute.threads = 1;
+    })
+    .await;
+    let mut rig = connect(&server, "").await;
+    for body in crate::support::frames_of(8000, 6) {
+        rig.send(body).await;
+    }
+    let mut refused = 0;
+    let mut last = json!(null);
+    for _ in 0..6 {
+        let ack = rig.ack().await;
+        if ack["state"] == "rejected" {
+            assert_eq!(ack["problem"]["status"], 429);
+            refused += 1;
+        }
+        last = ack;
+    }
+    assert!(0 < refused, "{last}");
+    while last["state"] != "published" {
+        last = rig.ack().await;
+    }
+}
+
+#[tokio::test]
+async fn a_frame_that_is_no_mesh_is_rejected_and_the_next_one_works() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    rig.send(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec())
+        .await;
+    let ack = rig.ack().await;
+    assert_eq!(ack["state"], "rejected");
+    assert_eq!(ack["problem"]["status"], 422);
+    rig.send(frames(1).remove(0)).await;
+    assert_eq!(rig.ack().await["state"], "accepted");
+    assert_eq!(
+        server.json("/v1/streams/demo").await["counters"]["rejected"],
+        1
+    );
+}
+
+#[tokio::test]
+async fn a_text_message_numbers_the_frame_after_it() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    rig.say(json!({"type": "frame", "seq": 40, "capture_time_us": 123}))
+        .await;
+    rig.send(frames(2).remove(0)).await;
+    assert_eq!(rig.ack().await["seq"], 40);
+    rig.send(frames(2).remove(1)).await;
+    let mut states = Vec::new();
+    for _ in 0..3 {
+        let ack = rig.ack().await;
+        states.push((ack["state"].clone(), ack["seq"].clone()));
+    }
+    assert!(
+        states.contains(&(json!("accepted"), json!(41))),
+        "{states:?}"
+    );
+    let metrics = server.json("/v1/streams/demo/frames/40/metrics").await;
+    assert_eq!(metrics["capture_time_us"], 123);
+    rig.say(json!({"type": "frame", "seqq": 40})).await;
+    let ack = rig.ack().await;
+    assert!(
+        ack["problem"]["detail"].as_str().unwrap().contains("seqq"),
+        "{ack}"
+    );
+}
+
+#[tokio::test]
+async fn a_second_publisher_is_refused_until_it_takes_over() {
+    let server = start().await;
+    let mut first = connect(&server, "").await;
+    assert_eq!(
+        try_connect(&server, "").await.err(),
+        Some(StatusCode::CONFLICT)
+    );
+    let body = frames(1).remove(0);
+    let post = server.post("demo", body.clone()).send().await.unwrap();
+    assert_eq!(post.status(), StatusCode::CONFLICT);
+    assert!(
+        problem(post).await["detail"]
+            .to_string()
+            .contains("takeover")
+    );
+
+    let mut second = connect(&server, "?takeover=true").await;
+    assert_eq!(first.close_code().await, CloseCode::from(4409));
+    second.send(body.clone()).await;
+    assert_eq!(second.ack().await["state"], "accepted");
+
+    let url = server.url("/v1/streams/demo/frames?takeover=true");
+    let post = server.client.post(url).body(body).send().await.unwrap();
+    assert_eq!(post.status(), StatusCode::ACCEPTED);
+    assert_eq!(second.close_code().await, CloseCode::from(4409));
+}
+
+#[tokio::test]
+async fn a_publisher_that_vanished_comes_back_to_its_place_and_players_see_a_gap_only() {
+    let server = start().await;
+    let bodies = frames(2);
+    let mut rig = connect(&server, "").await;
+    rig.send(bodies[0].clone()).await;
+    rig.ack().await;
+    rig.ack().await;
+    let mut player = server.subscribe("demo").await;
+    player.control().await;
+    assert_eq!(player.frame().await.0.seq, 0);
+    let session = rig.welcome["session"].as_str().unwrap().to_owned();
+    // Without a farewell.
+    drop(rig);
+    assert_eq!(
+        try_connect(&server, "").await.err(),
+        Some(StatusCode::CONFLICT)
+    );
+    let mut rig = connect(&server, &format!("?session={session}")).await;
+    assert_eq!(rig.welcome["latest_seq"], 0);
+    rig.send(bodies[1].clone()).await;
+    let (metrics, _) = player.frame().await;
+    assert_eq!((metrics.seq, metrics.reference_seq), (1, Some(0)));
+}
+
+#[tokio::test]
+async fn a_place_that_is_not_wanted_back_is_free_after_a_while_or_at_once() {
+    let server = start_with(|config| config.streams.linger_secs = 0).await;
+    drop(connect(&server, "").await);
+    let mut tries = 0;
+    let mut rig = loop {
+        match try_connect(&server, "").await {
+            Ok(rig) => break rig,
+            // The server may not have noticed yet.
+            Err(status) => assert_eq!(status, StatusCode::CONFLICT),
+        }
+        tries += 1;
+        assert!(tries < 200, "the place is never given up");
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    };
+    rig.connection.socket.close(None).await.unwrap();
+    while rig.connection.socket.next().await.is_some() {}
+    connect(&server, "").await;
+}
+
+#[tokio::test]
+async fn a_message_over_the_limit_ends_the_connection_with_its_code() {
+    let server = start_with(|config| config.limits.body_bytes = 10_000).await;
+    let mut rig = connect(&server, "").await;
+    rig.connection
+        .socket
+        .send(Message::Binary(vec![0; 20_000].into()))
+        .await
+        .ok();
+    assert_eq!(rig.close_code().await, CloseCode::Size);
+}
+
+#[tokio::test]
+async fn a_publisher_is_told_when_its_stream_is_deleted_and_when_the_server_stops() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    server
+        .client
+        .delete(server.url("/v1/streams/demo"))
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(rig.close_code().await, CloseCode::Normal);
+    let mut rig = connect(&server, "").await;
+    let stop = tokio::spawn(server.server.shut_down());
+    assert_eq!(rig.close_code().await, CloseCode::Away);
+    stop.await.unwrap();
+}
