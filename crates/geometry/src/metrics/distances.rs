@@ -1,7 +1,7 @@
 //! The two distances of section 4.1 of the Tracked QEM paper.
 
-use crate::Point;
 use crate::spatial::{TriangleTree, VertexTree};
+use crate::{Face, Point};
 
 /// Mesh-surface distance: from each of `points` to the closest point of a surface, exactly.
 ///
@@ -12,6 +12,41 @@ pub fn surface_distances(points: &[Point], surface: &TriangleTree) -> Vec<f64> {
     points
         .iter()
         .map(|point| surface.closest(point).distance)
+        .collect()
+}
+
+/// The same for all `points` of a mesh with these `faces`: a vertex is looked for where one of
+/// its neighbors was found, which takes half the time.
+///
+/// # Panics
+///
+/// If a face refers to a point that does not exist.
+#[must_use]
+pub fn vertex_to_surface_distances(
+    points: &[Point],
+    faces: &[Face],
+    surface: &TriangleTree,
+) -> Vec<f64> {
+    let mut lowest_neighbors: Vec<u32> = (0..points.len() as u32).collect();
+    for face in faces {
+        let lowest = face[0].min(face[1]).min(face[2]);
+        for &corner in face {
+            let neighbor = &mut lowest_neighbors[corner as usize];
+            *neighbor = lowest.min(*neighbor);
+        }
+    }
+    let mut found_on: Vec<u32> = Vec::with_capacity(points.len());
+    let vertices = points.iter().zip(lowest_neighbors);
+    vertices
+        .map(|(point, neighbor)| {
+            // A vertex that is its own lowest neighbor has not been looked for yet.
+            let nearest = match found_on.get(neighbor as usize) {
+                Some(&guess) => surface.closest_from(point, guess),
+                None => surface.closest(point),
+            };
+            found_on.push(nearest.face);
+            nearest.distance
+        })
         .collect()
 }
 

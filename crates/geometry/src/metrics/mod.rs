@@ -3,5 +3,5 @@
 mod distances;
 mod statistics;
 
-pub use distances::{surface_distances, vertex_distances};
+pub use distances::{surface_distances, vertex_distances, vertex_to_surface_distances};
 pub use statistics::DistanceStatistics;

@@ -2,7 +2,8 @@
 
 use nalgebra::Isometry3;
 
-use crate::{Face, Point, TriangleMesh};
+use crate::metrics::vertex_to_surface_distances;
+use crate::{Point, TriangleMesh};
 
 use super::{RegistrationError, Target, nonrigid, rigid};
 
@@ -62,7 +63,10 @@ pub fn register(
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
     let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
     let mut positions = deformed.positions;
-    let mut residuals = residuals(source.faces(), &positions, target);
+    let residuals_of = |positions: &[Point]| {
+        vertex_to_surface_distances(positions, source.faces(), target.surface())
+    };
+    let mut residuals = residuals_of(&positions);
     let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
     let deformed_sum: f64 = deformed
         .samples
@@ -72,7 +76,7 @@ pub fn register(
     let rigid_only = rigid_sum < deformed_sum;
     if rigid_only {
         positions = moved.positions().to_vec();
-        residuals = self::residuals(source.faces(), &positions, target);
+        residuals = residuals_of(&positions);
     }
     Ok(Registration {
         positions,
@@ -85,32 +89,4 @@ pub fn register(
         rigid_only,
         residuals,
     })
-}
-
-/// The distance of every position to the target's surface. A vertex is looked for where one of
-/// its neighbors was found.
-fn residuals(faces: &[Face], positions: &[Point], target: &Target) -> Vec<f64> {
-    let mut lowest_neighbors: Vec<u32> = (0..positions.len() as u32).collect();
-    for face in faces {
-        let lowest = face[0].min(face[1]).min(face[2]);
-        for &corner in face {
-            let neighbor = &mut lowest_neighbors[corner as usize];
-            *neighbor = lowest.min(*neighbor);
-        }
-    }
-    let mut found_on: Vec<u32> = Vec::with_capacity(positions.len());
-    let neighbors = lowest_neighbors.iter().enumerate();
-    neighbors
-        .zip(positions)
-        .map(|((vertex, &neighbor), position)| {
-            let surface = if (neighbor as usize) < vertex {
-                let guess = found_on[neighbor as usize];
-                target.surface().closest_from(position, guess)
-            } else {
-                target.surface().closest(position)
-            };
-            found_on.push(surface.face);
-            surface.distance
-        })
-        .collect()
 }

@@ -60,6 +60,12 @@ impl Target {
         &self.tree
     }
 
+    /// The tree, for those who go on searching it.
+    #[must_use]
+    pub fn into_surface(self) -> TriangleTree {
+        self.tree
+    }
+
     /// The mean length of the target's edges.
     #[must_use]
     pub fn mean_edge(&self) -> f64 {

@@ -222,6 +222,13 @@ impl Run {
         let mut candidates = std::mem::take(&mut self.candidates);
         candidates.clear();
         self.connectivity.neighbors(vertex, &mut neighbors);
+        if let Some(reference) = &mut self.reference {
+            let position = &self.positions[vertex as usize];
+            let lengths = neighbors
+                .iter()
+                .map(|&n| (self.positions[n as usize] - position).norm_squared());
+            reference.prepare(vertex, position, lengths.fold(0.0, f64::max));
+        }
         for &neighbor in neighbors.iter().filter(|&&n| is_wanted(vertex, n)) {
             let edge = Edge::new(vertex, neighbor);
             let (_, cost) = self.evaluate(edge);

@@ -31,7 +31,7 @@ pub(super) struct Tracked {
 }
 
 /// How much further than asked a search goes: edges get longer, and the next one asks for more.
-const SEARCH_MARGIN: f64 = 1.5;
+const SEARCH_MARGIN: f64 = 1.1;
 
 impl Reference {
     /// The quadrics of `mesh`, over `positions` in the units of the simplification, for a current
@@ -60,7 +60,7 @@ impl Reference {
         let square = (v2 - v1).norm_squared();
         let mut quadric = Quadric::default();
         let [first, second] = [(edge.0, v1), (edge.1, v2)].map(|(vertex, endpoint)| {
-            self.search(vertex, endpoint, square);
+            self.search(vertex, endpoint, (square, SEARCH_MARGIN));
             self.add_within(vertex, square, &mut quadric)
         });
         let barycenter = match (first, second) {
@@ -73,20 +73,27 @@ impl Reference {
         }
     }
 
-    /// Searches around a vertex, unless the last search went far enough.
-    fn search(&mut self, vertex: u32, position: &Point, square: f64) {
+    /// Searches around a vertex all of whose edges are known, the longest of them by its square.
+    pub fn prepare(&mut self, vertex: u32, position: &Point, longest_square: f64) {
+        self.search(vertex, position, (longest_square, 1.0 + 1e-9));
+    }
+
+    /// Searches around a vertex and a little further than asked, unless the last search went far
+    /// enough.
+    fn search(&mut self, vertex: u32, position: &Point, (square, margin): (f64, f64)) {
         let neighborhood = &mut self.neighborhoods[vertex as usize];
         if square <= neighborhood.radius * neighborhood.radius {
             return;
         }
-        neighborhood.radius = SEARCH_MARGIN * square.sqrt();
+        neighborhood.radius = margin * square.sqrt();
         let found = &mut neighborhood.found;
         found.clear();
         self.tree
             .visit_within(position, neighborhood.radius, |slot, square| {
                 found.push((square, slot));
             });
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // Squares are not negative, so that their bits are in their order.
+        found.sort_unstable_by_key(|(square, _)| square.to_bits());
     }
 
     /// Adds the quadrics around a vertex, and returns the mean of the places they belong to.

@@ -40,25 +40,26 @@ impl Search<'_> {
     /// that it is another side of the body.
     pub fn find(
         &mut self,
+        deformed: &[Point],
         transforms: &NodeTransforms,
         acceptance: &Acceptance,
     ) -> Vec<Option<Correspondence>> {
         (0..self.samples.len())
-            .map(|sample| self.find_one(sample, transforms, acceptance))
+            .map(|sample| self.find_one(sample, &deformed[sample], transforms, acceptance))
             .collect()
     }
 
     fn find_one(
         &mut self,
         sample: usize,
+        deformed: &Point,
         transforms: &NodeTransforms,
         acceptance: &Acceptance,
     ) -> Option<Correspondence> {
         if self.samples.basis(sample).is_empty() {
             return None;
         }
-        let deformed = self.samples.deformed(sample, transforms);
-        let surface = self.closest(sample, &deformed, acceptance.trust_last_faces);
+        let surface = self.closest(sample, deformed, acceptance.trust_last_faces);
         self.last_faces[sample] = surface.face;
         let face_normal = self.target.normal(surface.face);
         let turned = self.turned_normal(sample, transforms);
@@ -66,7 +67,7 @@ impl Search<'_> {
         let in_reach = surface.distance < REACH_IN_SCALES * acceptance.scale;
         (agree && in_reach).then(|| Correspondence {
             position: surface.position,
-            normal: normal_at(&surface, &deformed, face_normal, self.target.mean_edge()),
+            normal: normal_at(&surface, deformed, face_normal, self.target.mean_edge()),
         })
     }
 

@@ -1,7 +1,6 @@
 //! Nodes on the source, and how they move its vertices.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::VecDeque;
 
 use crate::mesh::{Rows, mean_edge, vertex_neighbors};
 use crate::{Point, TriangleMesh, Vector};
@@ -153,11 +152,16 @@ fn edges_between(influences: &Rows<Influence>) -> Vec<(u32, u32)> {
     edges
 }
 
-/// Shortest paths along edges from one vertex, up to a limit (Dijkstra's algorithm).
+/// Shortest paths along edges from one vertex, up to a limit.
+///
+/// Labels are corrected first in, first out (Bellman and Ford): within so few edges that is
+/// cheaper than keeping a heap.
 struct EdgeDistances<'a> {
     positions: &'a [Point],
     neighbors: Rows,
     distances: Vec<f64>,
+    waiting: Vec<bool>,
+    queue: VecDeque<u32>,
     touched: Vec<u32>,
 }
 
@@ -167,36 +171,39 @@ impl<'a> EdgeDistances<'a> {
             positions: mesh.positions(),
             neighbors: vertex_neighbors(mesh),
             distances: vec![f64::INFINITY; mesh.vertex_count()],
+            waiting: vec![false; mesh.vertex_count()],
+            queue: VecDeque::new(),
             touched: Vec::new(),
         }
     }
 
-    /// Calls `visit` with every vertex closer than `limit` and its distance, nearest first.
+    /// Calls `visit` with every vertex closer than `limit` and its distance.
     fn visit_within(&mut self, start: u32, limit: f64, mut visit: impl FnMut(u32, f64)) {
-        // Distances are not negative, so their bits are in their order.
-        let mut queue = BinaryHeap::from([Reverse((0.0f64.to_bits(), start))]);
         self.distances[start as usize] = 0.0;
         self.touched.push(start);
-        while let Some(Reverse((bits, vertex))) = queue.pop() {
-            let distance = f64::from_bits(bits);
-            if self.distances[vertex as usize] < distance {
-                continue;
-            }
-            visit(vertex, distance);
+        self.queue.push_back(start);
+        while let Some(vertex) = self.queue.pop_front() {
+            self.waiting[vertex as usize] = false;
+            let distance = self.distances[vertex as usize];
             for &next in self.neighbors.row(vertex as usize) {
                 let step: Vector = self.positions[next as usize] - self.positions[vertex as usize];
                 let through = distance + step.norm();
-                if through < limit && through < self.distances[next as usize] {
-                    if self.distances[next as usize].is_infinite() {
+                let known = &mut self.distances[next as usize];
+                if through < limit && through < *known {
+                    if known.is_infinite() {
                         self.touched.push(next);
                     }
-                    self.distances[next as usize] = through;
-                    queue.push(Reverse((through.to_bits(), next)));
+                    *known = through;
+                    if !std::mem::replace(&mut self.waiting[next as usize], true) {
+                        self.queue.push_back(next);
+                    }
                 }
             }
         }
         for vertex in self.touched.drain(..) {
-            self.distances[vertex as usize] = f64::INFINITY;
+            let distance = &mut self.distances[vertex as usize];
+            visit(vertex, *distance);
+            *distance = f64::INFINITY;
         }
     }
 }

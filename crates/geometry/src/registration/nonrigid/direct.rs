@@ -19,11 +19,10 @@ use super::Options;
 use super::normal_equations::{Blocks, NormalEquations};
 use super::system::Factorised;
 
-/// The minimizer, its value, and how many substitutions it took.
+/// The minimizer, and how many substitutions it took.
 #[derive(Debug, Clone)]
 pub(super) struct Minimum {
     pub transforms: Blocks,
-    pub value: f64,
     pub iterations: usize,
 }
 
@@ -33,54 +32,72 @@ const MAX_STEPS: usize = 8;
 /// They end earlier once the preconditioned residual's square has shrunk to this share.
 const RESIDUAL_SHARE: f64 = 1e-2;
 
-/// Lowers the surrogate from `start`, which comes with its value.
+/// Lowers the surrogate from `start`.
 pub(super) fn minimize(
     equations: &NormalEquations<'_>,
     factorised: &Factorised,
-    start: Minimum,
+    start: &Blocks,
     options: &Options,
 ) -> Result<Minimum, RegistrationError> {
-    let mut best = start;
+    let mut best = Minimum {
+        transforms: start.clone(),
+        iterations: 0,
+    };
+    let mut gained = 0.0;
     for _ in 0..options.max_inner_iterations {
-        let (step, iterations) = conjugate_gradients(equations, factorised, &best.transforms)?;
-        best.iterations += iterations;
-        let transforms: Blocks = best
-            .transforms
-            .iter()
-            .zip(&step)
-            .map(|(x, d)| x + d)
-            .collect();
-        let value = equations
-            .problem
-            .surrogate_value(equations.surrogate, &transforms);
-        if best.value <= value {
+        let step = conjugate_gradients(equations, factorised, &best.transforms)?;
+        best.iterations += step.iterations;
+        add_scaled(&mut best.transforms, &step.blocks, 1.0);
+        if step.gain <= options.inner_tolerance * gained {
             break;
         }
-        let gain = best.value - value;
-        (best.transforms, best.value) = (transforms, value);
-        if gain < options.inner_tolerance * value {
-            break;
-        }
+        gained += step.gain;
     }
     Ok(best)
 }
 
-/// The step to the minimizer with the rotations fixed, approximately, and the substitutions
-/// that it took.
+/// A step, by how much it lowers the surrogate with the rotations fixed (and so at least the
+/// surrogate itself), and the substitutions that it took.
+struct Step {
+    blocks: Blocks,
+    gain: f64,
+    iterations: usize,
+}
+
+/// The step to the minimizer with the rotations fixed, approximately.
 fn conjugate_gradients(
     equations: &NormalEquations<'_>,
     factorised: &Factorised,
     transforms: &Blocks,
-) -> Result<(Blocks, usize), RegistrationError> {
+) -> Result<Step, RegistrationError> {
     let mut residual = equations.half_gradient(transforms)?;
     residual.iter_mut().for_each(|block| *block = -*block);
-    let mut step = vec![Matrix4x3::zeros(); transforms.len()];
-    let mut product = step.clone();
-    let mut preconditioned = factorised.solve(&residual)?;
-    let mut direction = preconditioned.clone();
-    let mut square = dot(&residual, &preconditioned);
-    let enough = RESIDUAL_SHARE * square;
-    for iteration in 1..=MAX_STEPS {
+    let mut step = Step {
+        blocks: vec![Matrix4x3::zeros(); transforms.len()],
+        gain: 0.0,
+        iterations: 0,
+    };
+    let mut product = step.blocks.clone();
+    let mut direction = Blocks::new();
+    let mut square = 0.0;
+    let mut enough = 0.0;
+    while step.iterations < MAX_STEPS {
+        let preconditioned = factorised.solve(&residual)?;
+        let next_square = dot(&residual, &preconditioned);
+        step.iterations += 1;
+        if step.iterations == 1 {
+            direction = preconditioned;
+            enough = RESIDUAL_SHARE * next_square;
+        } else if next_square <= enough {
+            break;
+        } else {
+            let turn = next_square / square;
+            direction
+                .iter_mut()
+                .zip(&preconditioned)
+                .for_each(|(d, p)| *d = p + *d * turn);
+        }
+        square = next_square;
         equations.apply(&direction, &mut product);
         let curvature = dot(&direction, &product);
         if curvature.is_nan() {
@@ -88,27 +105,14 @@ fn conjugate_gradients(
         }
         // Nothing left to gain in any direction that the equations know of.
         if square <= 0.0 || curvature <= 0.0 {
-            return Ok((step, iteration));
-        }
-        let length = square / curvature;
-        add_scaled(&mut step, &direction, length);
-        if iteration == MAX_STEPS {
             break;
         }
+        let length = square / curvature;
+        add_scaled(&mut step.blocks, &direction, length);
         add_scaled(&mut residual, &product, -length);
-        preconditioned = factorised.solve(&residual)?;
-        let next_square = dot(&residual, &preconditioned);
-        if next_square <= enough {
-            return Ok((step, iteration + 1));
-        }
-        let turn = next_square / square;
-        direction
-            .iter_mut()
-            .zip(&preconditioned)
-            .for_each(|(d, p)| *d = p + *d * turn);
-        square = next_square;
+        step.gain += length * square;
     }
-    Ok((step, MAX_STEPS))
+    Ok(step)
 }
 
 pub(super) fn dot(a: &Blocks, b: &Blocks) -> f64 {

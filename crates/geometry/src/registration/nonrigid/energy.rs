@@ -6,7 +6,7 @@
 //! - a sample: v̂ = Σ_j w_j (A_j (v − p_j) + p_j + t_j) is `basis`·X plus `offset`,
 //! - a graph edge: D_ij = A_j (p_i − p_j) + p_j + t_j − (p_i + t_i).
 
-use nalgebra::{Matrix3, Matrix4x3, RowVector3, RowVector4};
+use nalgebra::{Matrix3, Matrix4x3, RowVector4};
 
 use crate::registration::{nearest_rotation, welsch, welsch_weight};
 use crate::{Point, TriangleMesh, Vector};
@@ -96,17 +96,44 @@ impl Samples {
     /// The part of v̂ that is linear in the unknowns.
     #[inline]
     pub fn linear(&self, sample: usize, transforms: &[Matrix4x3<f64>]) -> Vector {
-        let mut sum = RowVector3::zeros();
+        let mut sum = Vector::zeros();
         for (node, basis) in self.basis(sample) {
-            sum += basis * transforms[*node as usize];
+            sum += row_times(basis, &transforms[*node as usize]);
         }
-        sum.transpose()
+        sum
     }
 
     /// v̂ of Eq. 2.
     #[inline]
     pub fn deformed(&self, sample: usize, transforms: &[Matrix4x3<f64>]) -> Point {
         Point::from(self.linear(sample, transforms) + self.offsets[sample])
+    }
+
+    /// v̂ of every sample.
+    pub fn all_deformed(&self, transforms: &[Matrix4x3<f64>]) -> Vec<Point> {
+        (0..self.len())
+            .map(|sample| self.deformed(sample, transforms))
+            .collect()
+    }
+}
+
+/// `basis`·X, written out: what most of the time goes into.
+#[inline]
+pub(super) fn row_times(basis: &RowVector4<f64>, x: &Matrix4x3<f64>) -> Vector {
+    let entry = |c: usize| {
+        (basis[0] * x[(0, c)] + basis[1] * x[(1, c)])
+            + (basis[2] * x[(2, c)] + basis[3] * x[(3, c)])
+    };
+    Vector::new(entry(0), entry(1), entry(2))
+}
+
+/// Adds `basis`ᵀ·`force`ᵀ.
+#[inline]
+pub(super) fn add_outer(sum: &mut Matrix4x3<f64>, basis: &RowVector4<f64>, force: &Vector) {
+    for c in 0..3 {
+        for r in 0..4 {
+            sum[(r, c)] += basis[r] * force[c];
+        }
     }
 }
 
@@ -121,7 +148,7 @@ pub(super) struct Correspondence {
 
 /// What a step along the surface counts relative to one away from it. Not 0, so that a flat
 /// sheet does not swim.
-const SLIDING_WEIGHT: f64 = 0.1;
+const SLIDING_WEIGHT: f64 = 0.01;
 
 impl Correspondence {
     /// W·(v − u) with W = μ I + (1 − μ) n nᵀ.
@@ -172,16 +199,14 @@ impl Problem<'_> {
             self.graph.nodes()[i as usize],
             self.graph.nodes()[j as usize],
         );
-        let (xi, xj) = (&transforms[i as usize], &transforms[j as usize]);
-        let d = pi - pj;
-        let moved = (RowVector4::new(d.x, d.y, d.z, 1.0) * xj).transpose();
-        moved - d - xi.row(3).transpose()
+        self.edge_gap_change((i, j), transforms) - (pi - pj)
     }
 
     /// The part of D_ij that is linear in the unknowns.
-    pub fn edge_gap_change(&self, (i, j): (u32, u32), step: &[Matrix4x3<f64>]) -> RowVector3<f64> {
+    pub fn edge_gap_change(&self, (i, j): (u32, u32), step: &[Matrix4x3<f64>]) -> Vector {
         let [basis_j, _] = self.edge_basis((i, j));
-        basis_j * step[j as usize] - step[i as usize].row(3)
+        let x = &step[i as usize];
+        row_times(&basis_j, &step[j as usize]) - Vector::new(x[(3, 0)], x[(3, 1)], x[(3, 2)])
     }
 
     /// How D_ij depends on X_j and on X_i.
@@ -193,20 +218,22 @@ impl Problem<'_> {
         ]
     }
 
-    /// Majorizes the energy at `transforms`.
+    /// Majorizes the energy at `transforms`, under which the samples are `deformed`.
     pub fn surrogate(
         &self,
         transforms: &NodeTransforms,
+        deformed: &[Point],
         targets: &[Option<Correspondence>],
         scales: Scales,
     ) -> Surrogate {
         let curvature = |scale: f64| 0.5 / (scale * scale);
         let alignment = targets
             .iter()
+            .zip(deformed)
             .enumerate()
-            .filter_map(|(index, target)| {
+            .filter_map(|(index, (target, deformed))| {
                 let to = (*target)?;
-                let gap = self.samples.deformed(index, transforms) - to.position;
+                let gap = deformed - to.position;
                 let weight = welsch_weight(to.square(&gap).sqrt(), scales.alignment);
                 Some(Pull {
                     sample: index as u32,

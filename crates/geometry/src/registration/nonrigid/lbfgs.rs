@@ -22,22 +22,31 @@ const ARMIJO: f64 = 1e-4;
 /// Halvings of the step before the search gives up.
 const MAX_HALVINGS: usize = 20;
 
-/// Lowers the surrogate from `start`, which comes with its value.
+/// Lowers the surrogate from `start`.
 pub(super) fn minimize(
     equations: &NormalEquations<'_>,
     factorised: &Factorised,
-    start: Minimum,
+    start: &Blocks,
     options: &Options,
 ) -> Result<Minimum, RegistrationError> {
-    let mut best = start;
-    let mut gradient = equations.half_gradient(&best.transforms)?;
+    let mut best = Minimum {
+        transforms: start.clone(),
+        iterations: 0,
+    };
+    let mut best_value = value_of(equations, start);
+    let mut gradient = equations.half_gradient(start)?;
     let mut memory = Memory::default();
+    let mut gained = 0.0;
     for _ in 0..options.max_inner_iterations {
         let direction = memory.direction(factorised, &gradient)?;
         // `gradient` is half of the gradient, hence the factor.
         let slope = 2.0 * dot(&gradient, &direction);
         best.iterations += 1;
-        let Some((transforms, value)) = line_search(equations, &best, (&direction, slope)) else {
+        let Some((transforms, value)) = line_search(
+            equations,
+            (&best.transforms, best_value),
+            (&direction, slope),
+        ) else {
             break;
         };
         let next_gradient = equations.half_gradient(&transforms)?;
@@ -45,32 +54,33 @@ pub(super) fn minimize(
             difference(&transforms, &best.transforms),
             difference(&next_gradient, &gradient),
         );
-        let gain = best.value - value;
-        (best.transforms, best.value, gradient) = (transforms, value, next_gradient);
-        if gain < options.inner_tolerance * value {
+        let gain = best_value - value;
+        (best.transforms, best_value, gradient) = (transforms, value, next_gradient);
+        if gain <= options.inner_tolerance * gained {
             break;
         }
+        gained += gain;
     }
     Ok(best)
 }
 
+fn value_of(equations: &NormalEquations<'_>, transforms: &Blocks) -> f64 {
+    equations
+        .problem
+        .surrogate_value(equations.surrogate, transforms)
+}
+
 fn line_search(
     equations: &NormalEquations<'_>,
-    from: &Minimum,
+    (from, value_there): (&Blocks, f64),
     (direction, slope): (&Blocks, f64),
 ) -> Option<(Blocks, f64)> {
     let mut step = 1.0;
     for _ in 0..MAX_HALVINGS {
-        let transforms: Blocks = from
-            .transforms
-            .iter()
-            .zip(direction)
-            .map(|(x, d)| x + d * step)
-            .collect();
-        let value = equations
-            .problem
-            .surrogate_value(equations.surrogate, &transforms);
-        if value < from.value && value <= from.value + ARMIJO * step * slope {
+        let mut transforms = from.clone();
+        add_scaled(&mut transforms, direction, step);
+        let value = value_of(equations, &transforms);
+        if value < value_there && value <= value_there + ARMIJO * step * slope {
             return Some((transforms, value));
         }
         step /= 2.0;

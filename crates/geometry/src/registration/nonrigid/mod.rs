@@ -23,6 +23,8 @@ mod lbfgs;
 mod normal_equations;
 mod options;
 mod outer_loop;
+mod rounds;
+mod sampling;
 mod system;
 
 pub use deformation_graph::{DeformationGraph, GraphOptions, Influence};

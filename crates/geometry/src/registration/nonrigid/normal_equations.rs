@@ -2,10 +2,11 @@
 
 use nalgebra::{Matrix3, Matrix4x3};
 
+use crate::Vector;
 use crate::registration::{RegistrationError, nearest_rotation};
 
 use super::NodeTransforms;
-use super::energy::{Problem, Surrogate, affine_part};
+use super::energy::{Problem, Surrogate, add_outer, affine_part};
 
 /// A 4 x 3 block a node, like the unknowns.
 pub(super) type Blocks = Vec<Matrix4x3<f64>>;
@@ -26,13 +27,13 @@ impl NormalEquations<'_> {
         for pull in &self.surrogate.alignment {
             let sample = pull.sample as usize;
             let gap = samples.deformed(sample, transforms) - pull.to.position;
-            let force = (pull.to.pull(&gap) * pull.weight).transpose();
+            let force = pull.to.pull(&gap) * pull.weight;
             for (node, basis) in samples.basis(sample) {
-                gradient[*node as usize] += basis.transpose() * force;
+                add_outer(&mut gradient[*node as usize], basis, &force);
             }
         }
         self.add_smoothness(&mut gradient, |edge| {
-            self.problem.edge_gap(edge, transforms).transpose()
+            self.problem.edge_gap(edge, transforms)
         });
         let weight = self.problem.weights.rotation;
         for (gradient, transform) in gradient.iter_mut().zip(transforms) {
@@ -51,9 +52,9 @@ impl NormalEquations<'_> {
         for pull in &self.surrogate.alignment {
             let sample = pull.sample as usize;
             let moved = samples.linear(sample, step);
-            let force = (pull.to.pull(&moved) * pull.weight).transpose();
+            let force = pull.to.pull(&moved) * pull.weight;
             for (node, basis) in samples.basis(sample) {
-                product[*node as usize] += basis.transpose() * force;
+                add_outer(&mut product[*node as usize], basis, &force);
             }
         }
         self.add_smoothness(product, |edge| self.problem.edge_gap_change(edge, step));
@@ -63,18 +64,15 @@ impl NormalEquations<'_> {
         }
     }
 
-    fn add_smoothness(
-        &self,
-        sum: &mut Blocks,
-        gap_of: impl Fn((u32, u32)) -> nalgebra::RowVector3<f64>,
-    ) {
+    fn add_smoothness(&self, sum: &mut Blocks, gap_of: impl Fn((u32, u32)) -> Vector) {
         let edges = self.problem.graph.edges().iter();
         for (&(a, b), weights) in edges.zip(&self.surrogate.smoothness) {
             for ((i, j), weight) in [((a, b), weights[0]), ((b, a), weights[1])] {
-                let gap = gap_of((i, j)) * weight;
-                let [basis_j, basis_i] = self.problem.edge_basis((i, j));
-                sum[j as usize] += basis_j.transpose() * gap;
-                sum[i as usize] += basis_i.transpose() * gap;
+                let force = gap_of((i, j)) * weight;
+                let [basis_j, _] = self.problem.edge_basis((i, j));
+                add_outer(&mut sum[j as usize], &basis_j, &force);
+                let sum = &mut sum[i as usize];
+                (0..3).for_each(|c| sum[(3, c)] -= force[c]);
             }
         }
     }

@@ -22,8 +22,10 @@ pub struct Options {
     pub graph: GraphOptions,
     /// How the surrogate is minimized.
     pub solver: Solver,
-    /// Source vertices that look for correspondences, evenly strided.
+    /// Source vertices that look for correspondences at the last scale, evenly strided.
     pub samples: usize,
+    /// The same at the coarser scales.
+    pub coarse_samples: usize,
     /// Weight α of the regularization term, per graph edge relative to a sample.
     pub smoothness_weight: f64,
     /// Weight β of the rotation term, per node relative to a sample.
@@ -43,7 +45,7 @@ pub struct Options {
     pub final_rounds: usize,
     /// Inner iterations a round, at the most.
     pub max_inner_iterations: usize,
-    /// A round's inner iterations end once one of them lowers the surrogate by a smaller share.
+    /// A round's inner iterations end once one of them gains a smaller share than all before.
     pub inner_tolerance: f64,
     /// A scale ends once no sample moved further than this in a round, in mean edges.
     pub motion_tolerance: f64,
@@ -55,14 +57,15 @@ impl Default for Options {
             graph: GraphOptions::default(),
             solver: Solver::Direct,
             samples: 6000,
+            coarse_samples: 2000,
             smoothness_weight: 0.03,
             rotation_weight: 0.003,
             alignment_scale: 0.5,
             initial_scale_quantile: 0.999,
             smoothness_scale_ratio: 2.0,
             max_normal_angle_degrees: 80.0,
-            rounds_per_scale: 2,
-            final_rounds: 6,
+            rounds_per_scale: 1,
+            final_rounds: 4,
             max_inner_iterations: 1,
             inner_tolerance: 1e-4,
             motion_tolerance: 0.02,

@@ -1,25 +1,23 @@
-//! The rounds of non-rigid registration: correspond, majorize, minimize.
+//! Non-rigid registration from end to end: graph, samples, and rounds from coarse to fine.
 
 use crate::mesh::vertex_normals;
 use crate::metrics::DistanceStatistics;
-use crate::registration::rigid::MIN_CORRESPONDENCES;
 use crate::registration::{RegistrationError, Target};
 use crate::spatial::SurfacePoint;
-use crate::{Point, TriangleMesh, Vector};
+use crate::{Point, TriangleMesh};
 
-use super::correspondences::{Acceptance, Search};
-use super::direct::Minimum;
-use super::energy::{Correspondence, Problem, Samples, Weights, identity_transforms};
-use super::normal_equations::NormalEquations;
+use super::energy::Samples;
+use super::rounds::{Rounds, State};
+use super::sampling::Sampling;
 use super::system::System;
-use super::{DeformationGraph, NodeTransforms, Options, Scales, Solver, direct, lbfgs};
+use super::{DeformationGraph, NodeTransforms, Options};
 
 /// A deformation of the source onto the target.
 #[derive(Debug, Clone)]
 pub struct NonRigidRegistration {
     /// The deformed position of every source vertex.
     pub positions: Vec<Point>,
-    /// The source vertices that looked for correspondences, ascending.
+    /// The source vertices that looked for correspondences at the coarse scales, ascending.
     pub samples: Vec<Sampled>,
     /// Nodes of the deformation graph.
     pub node_count: usize,
@@ -59,42 +57,27 @@ pub fn register(
         return Err(RegistrationError::Empty { which: "source" });
     }
     let graph = DeformationGraph::new(source, &options.graph);
-    let sampling = Sampling::new(source, &graph, options.samples);
-    let problem = Problem {
-        graph: &graph,
-        samples: &sampling.samples,
-        weights: weights(&graph, sampling.samples.len(), options),
-    };
-    let system = System::new(&problem)?;
-    let transforms = identity_transforms(graph.nodes().len());
-    let initial: Vec<SurfacePoint> = sampling
+    let system = System::new(&graph)?;
+    let normals = vertex_normals(source);
+    let coarse = Sampling::new(source, &normals, &graph, options.coarse_samples);
+    let initial: Vec<SurfacePoint> = coarse
         .vertices
         .iter()
         .map(|&v| target.surface().closest(&source.positions()[v]))
         .collect();
-    let mut rounds = Rounds {
-        problem: &problem,
-        system: &system,
-        search: Search {
-            samples: &sampling.samples,
-            normals: &sampling.normals,
-            target,
-            last_faces: initial.iter().map(|surface| surface.face).collect(),
-        },
-        options,
-        state: State {
-            transforms,
-            rounds: 0,
-            inner_iterations: 0,
-            matched: 0,
-            energy: 0.0,
-        },
+    let (coarse_scales, last_scale) = alignment_scales(&initial, target, options);
+    let rounds_on = |sampling, last_faces, state| {
+        Rounds::new(&system, (sampling, last_faces), (target, options), state)
     };
-    let (coarse, last) = alignment_scales(&initial, target, options);
-    for scale in coarse {
+    let faces = initial.iter().map(|surface| surface.face).collect();
+    let mut rounds = rounds_on(&coarse, faces, State::new(&graph));
+    for scale in coarse_scales {
         rounds.run_scale(scale, options.rounds_per_scale)?;
     }
-    rounds.run_scale(last, options.final_rounds)?;
+    let fine = Sampling::new(source, &normals, &graph, options.samples);
+    let faces = coarse.guesses_for(&fine, &rounds.search.last_faces);
+    let mut rounds = rounds_on(&fine, faces, rounds.state);
+    rounds.run_scale(last_scale, options.final_rounds)?;
     let State {
         transforms,
         rounds,
@@ -106,7 +89,7 @@ pub fn register(
     if !positions.iter().all(|p| p.iter().all(|c| c.is_finite())) {
         return Err(RegistrationError::NotFinite { step: "non-rigid" });
     }
-    let samples = sampling.vertices.iter().zip(&initial);
+    let samples = coarse.vertices.iter().zip(&initial);
     Ok(NonRigidRegistration {
         positions,
         samples: samples
@@ -118,7 +101,7 @@ pub fn register(
         node_count: graph.nodes().len(),
         rounds,
         inner_iterations,
-        matched_share: matched as f64 / sampling.samples.len() as f64,
+        matched_share: matched as f64 / fine.samples.len() as f64,
         energy,
     })
 }
@@ -141,15 +124,6 @@ fn deformed_positions(
         .collect()
 }
 
-/// α and β per term, so that neither the number of samples nor that of nodes shifts the balance.
-fn weights(graph: &DeformationGraph, sample_count: usize, options: &Options) -> Weights {
-    let per = |count: usize| sample_count as f64 / count.max(1) as f64;
-    Weights {
-        smoothness: options.smoothness_weight * per(2 * graph.edges().len()),
-        rotation: options.rotation_weight * per(graph.nodes().len()),
-    }
-}
-
 /// ν_a in the mesh's unit: from the initial distances down, halved each time; and the last.
 fn alignment_scales(
     initial: &[SurfacePoint],
@@ -165,106 +139,4 @@ fn alignment_scales(
         scale /= 2.0;
     }
     (scales, last)
-}
-
-/// The source vertices that look for correspondences.
-struct Sampling {
-    vertices: Vec<usize>,
-    samples: Samples,
-    normals: Vec<Vector>,
-}
-
-impl Sampling {
-    fn new(source: &TriangleMesh, graph: &DeformationGraph, count: usize) -> Self {
-        let stride = (source.vertex_count() / count.max(1)).max(1);
-        let vertices: Vec<usize> = (0..source.vertex_count()).step_by(stride).collect();
-        let all_normals = vertex_normals(source);
-        Self {
-            samples: Samples::new(graph, source, vertices.iter().copied()),
-            normals: vertices.iter().map(|&v| all_normals[v]).collect(),
-            vertices,
-        }
-    }
-}
-
-struct State {
-    transforms: NodeTransforms,
-    rounds: usize,
-    inner_iterations: usize,
-    matched: usize,
-    energy: f64,
-}
-
-struct Rounds<'a> {
-    problem: &'a Problem<'a>,
-    system: &'a System,
-    search: Search<'a>,
-    options: &'a Options,
-    state: State,
-}
-
-impl Rounds<'_> {
-    /// Rounds at one ν_a, until the samples come to rest.
-    fn run_scale(&mut self, alignment: f64, max_rounds: usize) -> Result<(), RegistrationError> {
-        let smoothness = self.options.smoothness_scale_ratio * alignment;
-        let scales = Scales {
-            alignment,
-            smoothness,
-        };
-        let mut acceptance = Acceptance {
-            scale: alignment,
-            min_normal_cosine: self.options.max_normal_angle_degrees.to_radians().cos(),
-            trust_last_faces: false,
-        };
-        for _ in 0..max_rounds {
-            let targets = self.search.find(&self.state.transforms, &acceptance);
-            let largest_motion = self.round(&targets, scales)?;
-            acceptance.trust_last_faces = true;
-            if largest_motion < self.options.motion_tolerance * self.search.target.mean_edge() {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// One round; returns how far the sample that moved most moved.
-    fn round(
-        &mut self,
-        targets: &[Option<Correspondence>],
-        scales: Scales,
-    ) -> Result<f64, RegistrationError> {
-        let matched = targets.iter().flatten().count();
-        if matched < MIN_CORRESPONDENCES {
-            return Err(RegistrationError::TooFewCorrespondences { found: matched });
-        }
-        let before = &self.state.transforms;
-        let surrogate = self.problem.surrogate(before, targets, scales);
-        let factorised = self.system.factorise(self.problem, &surrogate)?;
-        let equations = NormalEquations {
-            problem: self.problem,
-            surrogate: &surrogate,
-        };
-        let start = Minimum {
-            transforms: before.clone(),
-            value: self.problem.surrogate_value(&surrogate, before),
-            iterations: 0,
-        };
-        let minimize = match self.options.solver {
-            Solver::Direct => direct::minimize,
-            Solver::Lbfgs => lbfgs::minimize,
-        };
-        let minimum = minimize(&equations, &factorised, start, self.options)?;
-        let samples = self.problem.samples;
-        let largest_motion = (0..samples.len())
-            .map(|s| {
-                (samples.deformed(s, &minimum.transforms) - samples.deformed(s, before)).norm()
-            })
-            .fold(0.0, f64::max);
-        self.state.energy = self.problem.energy(&minimum.transforms, targets, scales);
-        self.state.transforms = minimum.transforms;
-        self.state.rounds += 1;
-        self.state.inner_iterations += minimum.iterations;
-        self.state.matched = matched;
-        Ok(largest_motion)
-    }
 }

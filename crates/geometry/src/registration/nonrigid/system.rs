@@ -16,8 +16,8 @@ use nalgebra::{Matrix4, Matrix4x3};
 
 use crate::registration::RegistrationError;
 
-use super::NodeTransforms;
 use super::energy::{MEAN_WEIGHT, Problem, Surrogate};
+use super::{DeformationGraph, NodeTransforms};
 
 /// Share of the largest diagonal entry that is added to all: what determines nodes that no
 /// correspondence reaches. Far below what any weight of 1e-6 does.
@@ -38,11 +38,11 @@ pub(super) struct Factorised {
 }
 
 impl System {
-    /// Analyses the pattern of `problem`.
-    pub fn new(problem: &Problem<'_>) -> Result<Self, RegistrationError> {
-        let node_count = problem.graph.nodes().len();
+    /// Analyses the pattern of `graph`.
+    pub fn new(graph: &DeformationGraph) -> Result<Self, RegistrationError> {
+        let node_count = graph.nodes().len();
         let mut below = vec![Vec::new(); node_count];
-        for &(i, j) in problem.graph.edges() {
+        for &(i, j) in graph.edges() {
             below[i as usize].push(j);
         }
         let mut column_starts = vec![0];

@@ -1,6 +1,5 @@
 use nalgebra::Isometry3;
 
-use super::direct::Minimum;
 use super::energy::{Correspondence, Problem, Samples, Weights, identity_transforms};
 use super::normal_equations::NormalEquations;
 use super::system::System;
@@ -75,7 +74,7 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
         samples: &samples,
         weights,
     };
-    let system = System::new(&problem).unwrap();
+    let system = System::new(&graph).unwrap();
     let start = identity_transforms(graph.nodes().len());
     let targets: Vec<Option<Correspondence>> = source
         .positions()
@@ -90,6 +89,7 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
         .collect();
     let surrogate = problem.surrogate(
         &start,
+        &samples.all_deformed(&start),
         &targets,
         Scales {
             alignment: 0.3,
@@ -106,19 +106,11 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
         problem: &problem,
         surrogate: &surrogate,
     };
-    let start = Minimum {
-        value: problem.surrogate_value(&surrogate, &start),
-        transforms: start,
-        iterations: 0,
-    };
-    let minimize = |solver: fn(_, _, _, _) -> _| -> Minimum {
-        let outcome: Result<_, crate::registration::RegistrationError> =
-            solver(&equations, &factorised, start.clone(), &options);
-        outcome.unwrap()
-    };
-    let (direct, lbfgs) = (minimize(direct::minimize), minimize(lbfgs::minimize));
-    assert!(direct.value < start.value);
-    (direct.value, lbfgs.value)
+    let value = |transforms| problem.surrogate_value(&surrogate, transforms);
+    let direct = direct::minimize(&equations, &factorised, &start, &options).unwrap();
+    let lbfgs = lbfgs::minimize(&equations, &factorised, &start, &options).unwrap();
+    assert!(value(&direct.transforms) < value(&start));
+    (value(&direct.transforms), value(&lbfgs.transforms))
 }
 
 #[test]

@@ -46,7 +46,7 @@ impl Default for Options {
         Self {
             metric: Metric::PointToPlane,
             coarse_samples: 400,
-            fine_samples: 1000,
+            fine_samples: 600,
             max_iterations: 30,
             coarse_iterations: 30,
             rejection_factor: 3.0,
