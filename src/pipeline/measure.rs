@@ -1,7 +1,9 @@
 //! The figures of section 4.1 of the Tracked QEM paper, as they are delivered.
 
 use steadymesh_geometry::TriangleMesh;
-use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances, vertex_distances};
+use steadymesh_geometry::metrics::{
+    DistanceStatistics, surface_distances, vertex_distances, vertex_to_surface_distances,
+};
 use steadymesh_geometry::registration::Registration;
 use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
 use steadymesh_proto::metrics::{self, DistancePair, FrameMetrics, Residual, Statistics};
@@ -9,17 +11,17 @@ use steadymesh_proto::metrics::{self, DistancePair, FrameMetrics, Residual, Stat
 /// Fills in the distances of `output` to `current` and to `registered`, and those of `current`
 /// to `output`.
 ///
-/// `output` is the mesh that players see, after quantization. Meshes without faces, which do
-/// not come this far, leave the figures out.
+/// `output` is the mesh that players see, after quantization. `current_surface` is `current`'s, if
+/// there is one already. Meshes without faces, which do not come this far, leave the figures out.
 pub(super) fn add_distances(
     metrics: &mut FrameMetrics,
     output: &TriangleMesh,
-    current: &TriangleMesh,
+    (current, current_surface): (&TriangleMesh, Option<&TriangleTree>),
     registered: Option<&TriangleMesh>,
 ) {
-    let to_previous = registered.and_then(|mesh| to_mesh(output, mesh));
+    let to_previous = registered.and_then(|mesh| to_mesh(output, (mesh, None)));
     let (previous_surface, previous_vertices) = to_previous.unzip();
-    if let Some((surface, vertices)) = to_mesh(output, current) {
+    if let Some((surface, vertices)) = to_mesh(output, (current, current_surface)) {
         metrics.surface_distance = Some(DistancePair {
             previous: previous_surface,
             current: surface,
@@ -30,15 +32,23 @@ pub(super) fn add_distances(
         });
     }
     metrics.current_to_output = TriangleTree::new(output)
-        .map(|tree| statistics(&surface_distances(current.positions(), &tree)));
+        .map(|tree| vertex_to_surface_distances(current.positions(), current.faces(), &tree))
+        .map(|distances| statistics(&distances));
 }
 
 /// From each vertex of `output` to the surface of `mesh`, and to its vertices.
-fn to_mesh(output: &TriangleMesh, mesh: &TriangleMesh) -> Option<(Statistics, Statistics)> {
-    let surface = TriangleTree::new(mesh)?;
+fn to_mesh(
+    output: &TriangleMesh,
+    (mesh, surface): (&TriangleMesh, Option<&TriangleTree>),
+) -> Option<(Statistics, Statistics)> {
+    let mut built = None;
+    let surface = match surface {
+        Some(surface) => surface,
+        None => built.insert(TriangleTree::new(mesh)?),
+    };
     let vertices = VertexTree::new(mesh.positions())?;
     Some((
-        statistics(&surface_distances(output.positions(), &surface)),
+        statistics(&surface_distances(output.positions(), surface)),
         statistics(&vertex_distances(output.positions(), &vertices)),
     ))
 }

@@ -1,5 +1,7 @@
 //! One frame, from its prepared mesh to what is delivered.
 
+use std::sync::Arc;
+
 use steadymesh_draco::{DecodeLimits, MeshView};
 use steadymesh_geometry::simplification::{self, simplify};
 use steadymesh_geometry::{Point, TriangleMesh};
@@ -79,6 +81,7 @@ pub fn process_registered(
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
+    let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
     let (registered, registration) = registered.map(|r| (r.mesh, r.figures)).unzip();
     let reference = registered
         .as_ref()
@@ -105,7 +108,8 @@ pub fn process_registered(
     observer.ended(Stage::Encode);
 
     if settings.measure {
-        measure::add_distances(&mut metrics, &mesh, current.mesh(), registered.as_ref());
+        let current = (current.mesh(), surface.as_deref());
+        measure::add_distances(&mut metrics, &mesh, current, registered.as_ref());
     }
     observer.ended(Stage::Measure);
     Ok(ProcessedFrame {

@@ -1,19 +1,24 @@
 //! The previous frame, carried onto the current one.
 
+use std::sync::Arc;
+
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_geometry::registration::{self, RegistrationError, Target};
+use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
 
 use super::{PreparedFrame, measure};
 
 /// A previous frame that has been registered onto the current one.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Registered {
     /// The previous frame's faces at their registered positions, in the precision in which
     /// they can be written.
     pub mesh: TriangleMesh,
     /// How well it fits.
     pub figures: metrics::Registration,
+    /// The current frame's surface, which registration has searched and which is measured to.
+    pub(super) current_surface: Arc<TriangleTree>,
 }
 
 /// Registers `previous` onto `current`, with the previous frame's connectivity.
@@ -37,5 +42,6 @@ pub fn register(
         // Rounded before it is used, so that what is written is what was measured.
         mesh: mesh.rounded_to_f32(),
         figures,
+        current_surface: Arc::new(target.into_surface()),
     })
 }

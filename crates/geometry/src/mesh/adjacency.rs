@@ -43,6 +43,19 @@ impl<T: Copy + Default> Rows<T> {
         &self.items[self.starts[row] as usize..self.starts[row + 1] as usize]
     }
 
+    /// The same rows with every item changed; `change` gets the item's row too.
+    #[must_use]
+    pub fn map<U>(&self, mut change: impl FnMut(usize, T) -> U) -> Rows<U> {
+        let mut items = Vec::with_capacity(self.items.len());
+        for row in 0..self.row_count() {
+            items.extend(self.row(row).iter().map(|&item| change(row, item)));
+        }
+        Rows {
+            starts: self.starts.clone(),
+            items,
+        }
+    }
+
     /// The number of rows.
     #[must_use]
     pub fn row_count(&self) -> usize {

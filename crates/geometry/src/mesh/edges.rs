@@ -34,7 +34,7 @@ impl EdgeTable {
         for (index, &face) in faces.iter().enumerate() {
             incidences.extend(Edge::of_face(face).map(|edge| (edge, index as u32)));
         }
-        incidences.sort_unstable();
+        sort(&mut incidences);
         Self { incidences }
     }
 
@@ -56,6 +56,37 @@ impl EdgeTable {
     pub fn non_manifold_count(&self) -> usize {
         self.iter().filter(|(_, faces)| 2 < faces.len()).count()
     }
+}
+
+/// Sorts by the first vertex into buckets, and then what little is in each of them.
+fn sort(incidences: &mut Vec<(Edge, u32)>) {
+    let last = incidences.iter().map(|(edge, _)| edge.0).max();
+    let vertex_count = last.map_or(0, |last| last as usize + 1);
+    // Faces of a few vertices among very many would need more buckets than they are worth.
+    if incidences.len() < vertex_count {
+        incidences.sort_unstable();
+        return;
+    }
+    let mut next = vec![0; vertex_count + 1];
+    for (edge, _) in &*incidences {
+        next[edge.0 as usize + 1] += 1;
+    }
+    for vertex in 0..vertex_count {
+        next[vertex + 1] += next[vertex];
+    }
+    let mut sorted = vec![(Edge(0, 0), 0); incidences.len()];
+    for &(edge, face) in &*incidences {
+        let place: &mut usize = &mut next[edge.0 as usize];
+        sorted[*place] = (edge, face);
+        *place += 1;
+    }
+    // Every bucket's start has moved on to its end.
+    let mut start = 0;
+    for &end in &next[..vertex_count] {
+        sorted[start..end].sort_unstable();
+        start = end;
+    }
+    *incidences = sorted;
 }
 
 /// The mean length of the edges of the faces, an edge counted once for every face on it; 0
@@ -83,5 +114,16 @@ mod tests {
         let table = EdgeTable::of(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
         assert_eq!(table.non_manifold_count(), 1);
         assert_eq!(table.boundary_count(), 6);
+    }
+
+    #[test]
+    fn edges_are_in_order_whether_their_vertices_are_few_or_far_apart() {
+        for far in [9, 4_000_000_000] {
+            let faces = [[3, far, 1], [0, 3, 1], [2, 1, 0], [far, 3, 0]];
+            let table = EdgeTable::of(&faces);
+            let incidences: Vec<_> = table.iter().flat_map(|(_, on)| on.to_vec()).collect();
+            assert!(incidences.is_sorted());
+            assert_eq!(incidences.len(), 12);
+        }
     }
 }

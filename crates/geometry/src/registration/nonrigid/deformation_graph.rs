@@ -71,7 +71,7 @@ impl DeformationGraph {
             });
         }
         let influences = normalized(mesh.vertex_count(), &shares);
-        let edges = edges_between(&influences);
+        let edges = edges_between(&influences, nodes.len());
         Self {
             nodes,
             influences,
@@ -134,21 +134,25 @@ fn normalized(vertex_count: usize, shares: &[(u32, Influence)]) -> Rows<Influenc
     Rows::from_pairs(vertex_count, &scaled)
 }
 
-fn edges_between(influences: &Rows<Influence>) -> Vec<(u32, u32)> {
-    let mut edges = Vec::new();
+fn edges_between(influences: &Rows<Influence>, node_count: usize) -> Vec<(u32, u32)> {
+    // A node has few neighbors: looking through them is cheaper than sorting all pairs.
+    let mut above = vec![Vec::new(); node_count];
     for vertex in 0..influences.row_count() {
         let row = influences.row(vertex);
         for (i, a) in row.iter().enumerate() {
-            edges.extend(row[i + 1..].iter().map(|b| (a.node, b.node)));
-        }
-        // Neighboring vertices have nearly the same pairs; this keeps the list short.
-        if vertex % 1024 == 1023 {
-            edges.sort_unstable();
-            edges.dedup();
+            let known: &mut Vec<u32> = &mut above[a.node as usize];
+            for b in &row[i + 1..] {
+                if !known.contains(&b.node) {
+                    known.push(b.node);
+                }
+            }
         }
     }
-    edges.sort_unstable();
-    edges.dedup();
+    let mut edges = Vec::new();
+    for (a, others) in above.iter_mut().enumerate() {
+        others.sort_unstable();
+        edges.extend(others.iter().map(|&b| (a as u32, b)));
+    }
     edges
 }
 
@@ -156,20 +160,22 @@ fn edges_between(influences: &Rows<Influence>) -> Vec<(u32, u32)> {
 ///
 /// Labels are corrected first in, first out (Bellman and Ford): within so few edges that is
 /// cheaper than keeping a heap.
-struct EdgeDistances<'a> {
-    positions: &'a [Point],
-    neighbors: Rows,
+struct EdgeDistances {
+    neighbors: Rows<(u32, f64)>,
     distances: Vec<f64>,
     waiting: Vec<bool>,
     queue: VecDeque<u32>,
     touched: Vec<u32>,
 }
 
-impl<'a> EdgeDistances<'a> {
-    fn new(mesh: &'a TriangleMesh) -> Self {
+impl EdgeDistances {
+    fn new(mesh: &TriangleMesh) -> Self {
+        let positions = mesh.positions();
         Self {
-            positions: mesh.positions(),
-            neighbors: vertex_neighbors(mesh),
+            neighbors: vertex_neighbors(mesh).map(|from, to| {
+                let step: Vector = positions[to as usize] - positions[from];
+                (to, step.norm())
+            }),
             distances: vec![f64::INFINITY; mesh.vertex_count()],
             waiting: vec![false; mesh.vertex_count()],
             queue: VecDeque::new(),
@@ -185,9 +191,8 @@ impl<'a> EdgeDistances<'a> {
         while let Some(vertex) = self.queue.pop_front() {
             self.waiting[vertex as usize] = false;
             let distance = self.distances[vertex as usize];
-            for &next in self.neighbors.row(vertex as usize) {
-                let step: Vector = self.positions[next as usize] - self.positions[vertex as usize];
-                let through = distance + step.norm();
+            for &(next, length) in self.neighbors.row(vertex as usize) {
+                let through = distance + length;
                 let known = &mut self.distances[next as usize];
                 if through < limit && through < *known {
                     if known.is_infinite() {

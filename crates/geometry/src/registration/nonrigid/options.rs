@@ -56,7 +56,7 @@ impl Default for Options {
         Self {
             graph: GraphOptions::default(),
             solver: Solver::Direct,
-            samples: 6000,
+            samples: 7000,
             coarse_samples: 2000,
             smoothness_weight: 0.03,
             rotation_weight: 0.003,

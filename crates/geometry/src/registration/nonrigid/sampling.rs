@@ -8,8 +8,8 @@ use super::{DeformationGraph, Options};
 /// An even choice of the source's vertices.
 pub(super) struct Sampling<'a> {
     graph: &'a DeformationGraph,
-    stride: usize,
-    /// Every `stride`-th vertex.
+    vertex_count: usize,
+    /// Ascending.
     pub vertices: Vec<usize>,
     pub samples: Samples,
     /// Of unit length.
@@ -17,18 +17,19 @@ pub(super) struct Sampling<'a> {
 }
 
 impl<'a> Sampling<'a> {
-    /// About `count` samples, evenly strided; `normals` are those of all vertices.
+    /// At most `count` samples, evenly strided; `normals` are those of all vertices.
     pub fn new(
         source: &TriangleMesh,
         normals: &[Vector],
         graph: &'a DeformationGraph,
         count: usize,
     ) -> Self {
-        let stride = (source.vertex_count() / count.max(1)).max(1);
-        let vertices: Vec<usize> = (0..source.vertex_count()).step_by(stride).collect();
+        let vertex_count = source.vertex_count();
+        let count = count.clamp(1, vertex_count);
+        let vertices: Vec<usize> = (0..count).map(|i| i * vertex_count / count).collect();
         Self {
             graph,
-            stride,
+            vertex_count,
             samples: Samples::new(graph, source, vertices.iter().copied()),
             normals: vertices.iter().map(|&v| normals[v]).collect(),
             vertices,
@@ -54,7 +55,7 @@ impl<'a> Sampling<'a> {
     /// For every sample of `other` the face of the sample here whose number is nearest: vertices
     /// with near numbers are often near each other.
     pub fn guesses_for(&self, other: &Sampling<'_>, faces: &[u32]) -> Vec<u32> {
-        let nearest = |vertex: &usize| faces[(vertex / self.stride).min(faces.len() - 1)];
+        let nearest = |vertex: &usize| faces[vertex * faces.len() / self.vertex_count];
         other.vertices.iter().map(nearest).collect()
     }
 }
