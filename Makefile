@@ -16,6 +16,7 @@ test:
 	cargo test --workspace
 	cargo build
 	STEADYMESH_BIN=$$(realpath $${CARGO_TARGET_DIR:-target}/debug/steadymesh) npm --prefix web run test:browser
+	scripts/test-python-client
 
 # The linters, as the CI runs them.
 lint:

@@ -1,6 +1,6 @@
 //! `steadymesh evaluate`: the paper's experiment on a sequence of frame files.
 
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         write_file(&folder.join("report.md"), report(&evaluation).as_bytes())?;
     }
-    print(&terminal(&evaluation))
+    super::print(&terminal(&evaluation))
 }
 
 /// Each number of faces and each mode once, in the order in which they were typed.
@@ -133,16 +133,6 @@ fn command() -> anyhow::Result<String> {
     let words = std::iter::once("steadymesh").chain(arguments.iter().map(String::as_str));
     shlex::try_join(words).context("the arguments cannot be quoted")
 }
-
-/// Says what is data: on standard output.
-fn print(text: &str) -> anyhow::Result<()> {
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever closes the pipe, as `head` does, has read enough.
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
-        written => written.context("the tables cannot be written"),
-    }
-}
-
 fn target_faces(text: &str) -> Result<usize, String> {
     let faces = text.parse().map_err(|_| "it is not a whole number")?;
     match TargetSize::Faces(faces).check(u32::MAX as usize) {

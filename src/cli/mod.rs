@@ -3,6 +3,7 @@
 //! Data goes to the named files or to standard output, everything said to people to standard
 //! error. The exit code is 0 for done, 1 for failed, 2 for wrong usage.
 
+mod config;
 mod evaluate;
 mod frame_files;
 mod frame_source;
@@ -14,11 +15,14 @@ mod serve;
 mod simplify;
 mod stream_url;
 mod subscribe;
+mod token;
 mod tracking_mode;
 mod websocket_publisher;
 
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
+use anyhow::Context;
 use clap::{Parser, Subcommand};
 
 /// Volumetric video that does not flicker.
@@ -33,6 +37,10 @@ struct Cli {
 enum Command {
     /// Run the server.
     Serve(serve::Arguments),
+    /// Print all settings, or check a configuration file.
+    Config(config::Arguments),
+    /// Make a token and its hash.
+    Token,
     /// Send frames to a stream, as a capture rig does.
     Publish(publish::Arguments),
     /// Receive a stream's frames, as a player does.
@@ -50,6 +58,8 @@ pub fn run() -> ExitCode {
     let Cli { command } = Cli::parse();
     let outcome = match command {
         Command::Serve(arguments) => serve::run(&arguments),
+        Command::Config(arguments) => config::run(&arguments),
+        Command::Token => token::run(),
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Subscribe(arguments) => subscribe::run(&arguments),
         Command::Simplify(arguments) => simplify::run(&arguments),
@@ -82,4 +92,13 @@ async fn interrupted() -> anyhow::Result<()> {
 )]
 fn say(message: &str) {
     eprintln!("{message}");
+}
+
+/// Says what is data: on standard output.
+fn print(text: &str) -> anyhow::Result<()> {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        // Whoever closes the pipe, as `head` does, has read enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("standard output cannot be written to"),
+    }
 }

@@ -15,6 +15,8 @@ use crate::server::Server;
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
 
+const UNUSABLE_DEFAULTS: &str = "streams.defaults or streams.rules in the configuration";
+
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// The configuration, a TOML file. Environment variables such as
@@ -31,6 +33,16 @@ pub(super) struct Arguments {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let config = load(arguments)?;
+    log::set_up(&config.log)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(serve(arguments, &config))
+}
+
+/// The file, then the environment, then the options.
+fn load(arguments: &Arguments) -> anyhow::Result<Config> {
     let mut config = Config::load(arguments.config.as_deref())?;
     if let Some(address) = arguments.listen {
         config.listen = address;
@@ -39,32 +51,37 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         config.internal_listen = address;
     }
     config.check()?;
-    log::set_up(&config.log)?;
-    let runtime = tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()?;
-    runtime.block_on(serve(&config))
+    Ok(config)
 }
 
-async fn serve(config: &Config) -> anyhow::Result<()> {
+async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     // Before anything listens, so that a signal is never missed.
     let mut terminate = signal(SignalKind::terminate())?;
     let mut interrupt = signal(SignalKind::interrupt())?;
+    let mut hangup = signal(SignalKind::hangup())?;
     let pool =
         Arc::new(ComputePool::new(config.compute()).context("the threads cannot be started")?);
     let telemetry = Arc::new(Telemetry::new().context("the metrics cannot be registered")?);
     let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
-        .context("streams.defaults in the configuration cannot be used")?;
+        .context(UNUSABLE_DEFAULTS)?;
     let threads = pool.thread_count();
-    let server = Server::start(config.server(), registry, pool, telemetry)?;
+    let server = Server::start(config.server(), registry.clone(), pool, telemetry).await?;
     let (player, internal) = (server.address(), server.internal_address());
     tracing::info!(
         threads,
         "player and API on http://{player}, operations on http://{internal}"
     );
-    let signal = tokio::select! {
-        _ = terminate.recv() => "SIGTERM",
-        _ = interrupt.recv() => "SIGINT",
+    let signal = loop {
+        tokio::select! {
+            _ = terminate.recv() => break "SIGTERM",
+            _ = interrupt.recv() => break "SIGINT",
+            _ = hangup.recv() => match reload(arguments, &registry, &server).await {
+                Ok(()) => tracing::info!("the configuration has been read again (SIGHUP)"),
+                Err(error) => tracing::error!(
+                    "the configuration cannot be used, the old one stays: {error:#}"
+                ),
+            },
+        }
     };
     tracing::info!(signal, "asked to stop");
     let again = async {
@@ -76,5 +93,15 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
         () = server.shut_down() => tracing::info!("stopped"),
         _ = again => tracing::warn!("asked again: stopped at once"),
     }
+    Ok(())
+}
+
+/// Takes what can be changed without dropping a connection: everything but addresses, threads
+/// and the log.
+async fn reload(arguments: &Arguments, registry: &Registry, server: &Server) -> anyhow::Result<()> {
+    let config = load(arguments)?;
+    config.streams().check().context(UNUSABLE_DEFAULTS)?;
+    server.reload(config.server()).await?;
+    registry.reload(config.streams());
     Ok(())
 }

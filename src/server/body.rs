@@ -6,6 +6,7 @@ use axum::body::{Body, HttpBody};
 use axum::http::{HeaderMap, header};
 use bytes::{Bytes, BytesMut};
 use http_body_util::BodyExt;
+use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
 use super::error::Problem;
@@ -22,6 +23,46 @@ const DRAIN_TIME: Duration = Duration::from_secs(5);
 pub(super) struct Limits {
     pub max_bytes: usize,
     pub timeout: Duration,
+}
+
+/// What bodies that are being received may take together.
+#[derive(Debug)]
+pub(super) struct Memory {
+    kibibytes: Semaphore,
+    limit: usize,
+}
+
+impl Memory {
+    pub fn new(limit: usize) -> Self {
+        let kibibytes = (limit >> 10).clamp(1, Semaphore::MAX_PERMITS);
+        Self {
+            kibibytes: Semaphore::new(kibibytes),
+            limit,
+        }
+    }
+
+    /// Sets so many bytes aside until the result is dropped.
+    ///
+    /// # Errors
+    ///
+    /// 503 if they are not there.
+    pub fn reserve(&self, bytes: usize) -> Result<SemaphorePermit<'_>, Problem> {
+        let kibibytes = u32::try_from(bytes.div_ceil(1024)).unwrap_or(u32::MAX);
+        self.kibibytes.try_acquire_many(kibibytes).map_err(|_| {
+            Problem::over_limit(format!(
+                "bodies of other requests take the {} bytes that limits.memory_bytes allows: try \
+                 again in a moment",
+                self.limit
+            ))
+        })
+    }
+}
+
+/// What a body may need: its length if it says so, else the most that is taken.
+pub(super) fn needed(body: &Body, max_bytes: usize) -> usize {
+    let exact = body.size_hint().exact();
+    let exact = exact.and_then(|bytes| usize::try_from(bytes).ok());
+    exact.map_or(max_bytes, |bytes| bytes.min(max_bytes))
 }
 
 /// Reads a body.

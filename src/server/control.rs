@@ -8,17 +8,21 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use steadymesh_proto::stream::{StreamConfig, StreamList, StreamSummary};
 
+use crate::streams::StreamName;
+
 use super::App;
+use super::auth::{Credential, Scope};
 use super::error::Problem;
-use super::extract::{JsonBody, Name, NoParameters, Strict};
+use super::extract::{Asking, JsonBody, NoParameters, Strict};
 
 /// `PUT /v1/streams/{stream}`.
 pub(super) async fn put_stream(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Strict(NoParameters {}): Strict<NoParameters>,
     JsonBody(config): JsonBody<StreamConfig>,
 ) -> Result<Response, Problem> {
+    app.authorize(&credential, Scope::Publish, &name)?;
     let (stream, is_new) = app.registry.configure(&name, &config)?;
     let summary = Json(stream.summary());
     if is_new {
@@ -31,18 +35,27 @@ pub(super) async fn put_stream(
 /// `GET /v1/streams`.
 pub(super) async fn list_streams(
     State(app): State<Arc<App>>,
+    credential: Credential,
     Strict(NoParameters {}): Strict<NoParameters>,
-) -> Json<StreamList> {
-    let streams = app.registry.list();
-    Json(StreamList { streams })
+) -> Result<Json<StreamList>, Problem> {
+    let grant = app.grant(&credential)?;
+    let mut streams = app.registry.list();
+    if let Some(grant) = grant {
+        // Nobody learns of streams that are not theirs.
+        streams.retain(|stream| {
+            StreamName::parse(&stream.stream).is_ok_and(|name| grant.is_for(&name))
+        });
+    }
+    Ok(Json(StreamList { streams }))
 }
 
 /// `GET /v1/streams/{stream}`.
 pub(super) async fn get_stream(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Strict(NoParameters {}): Strict<NoParameters>,
 ) -> Result<Json<StreamSummary>, Problem> {
+    app.authorize(&credential, Scope::Subscribe, &name)?;
     let stream = app
         .registry
         .get(&name)
@@ -53,9 +66,10 @@ pub(super) async fn get_stream(
 /// `DELETE /v1/streams/{stream}`.
 pub(super) async fn delete_stream(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Strict(NoParameters {}): Strict<NoParameters>,
 ) -> Result<StatusCode, Problem> {
+    app.authorize(&credential, Scope::Admin, &name)?;
     if app.registry.delete(&name) {
         Ok(StatusCode::NO_CONTENT)
     } else {

@@ -73,6 +73,27 @@ impl Problem {
         )
     }
 
+    /// No credential, or one that opens nothing.
+    pub fn unauthorized(detail: impl Into<String>) -> Self {
+        Self::new(
+            StatusCode::UNAUTHORIZED,
+            "unauthorized",
+            "A token is needed",
+            detail,
+        )
+    }
+
+    /// A credential that opens something else.
+    pub fn forbidden(detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::FORBIDDEN, "forbidden", "Not allowed", detail)
+    }
+
+    /// There are as many of something as there may be.
+    pub fn over_limit(detail: impl Into<String>) -> Self {
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        Self::new(status, "over-limit", "Over a limit", detail).retry_after(SOON_MS)
+    }
+
     /// The address is right and the method is not.
     pub fn method_not_allowed(detail: impl Into<String>) -> Self {
         let status = StatusCode::METHOD_NOT_ALLOWED;
@@ -235,6 +256,10 @@ impl IntoResponse for Problem {
         let headers = response.headers_mut();
         let problem_json = HeaderValue::from_static("application/problem+json");
         headers.insert(header::CONTENT_TYPE, problem_json);
+        if status == StatusCode::UNAUTHORIZED {
+            let challenge = HeaderValue::from_static("Bearer realm=\"steadymesh\"");
+            headers.insert(header::WWW_AUTHENTICATE, challenge);
+        }
         if let Some(milliseconds) = retry_after_ms {
             let seconds = milliseconds.div_ceil(1000);
             headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));

@@ -10,6 +10,7 @@ use serde::de::DeserializeOwned;
 
 use crate::streams::StreamName;
 
+use super::auth::Credential;
 use super::error::Problem;
 
 /// The name of the stream in the path.
@@ -25,6 +26,23 @@ impl<S: Send + Sync> FromRequestParts<S> for Name {
         let name = values.iter().find(|(key, _)| key == "stream");
         let name = name.map_or("", |(_, value)| value);
         Ok(Self(StreamName::parse(name)?))
+    }
+}
+
+/// The stream in the path, and who asks.
+#[derive(Debug)]
+pub(super) struct Asking {
+    pub name: StreamName,
+    pub credential: Credential,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Asking {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
+        let Name(name) = Name::from_request_parts(parts, state).await?;
+        let Ok(credential) = Credential::from_request_parts(parts, state).await;
+        Ok(Self { name, credential })
     }
 }
 

@@ -16,8 +16,9 @@ use crate::compute::Length;
 use crate::streams::{Delivered, Loss, Outcome, Stream, StreamName};
 
 use super::App;
+use super::auth::Scope;
 use super::error::Problem;
-use super::extract::{Name, NoParameters, Strict};
+use super::extract::{Asking, NoParameters, Strict};
 
 /// A frame does not change, but its number comes again when the stream is deleted and begun
 /// anew: caches are asked to look again after this many seconds.
@@ -55,11 +56,12 @@ enum Which {
 /// `GET /v1/streams/{stream}/frames/{seq|latest}.drc|.glb|.ply`.
 pub(super) async fn get_frame(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Path((_, file)): Path<(String, String)>,
     Strict(NoParameters {}): Strict<NoParameters>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
+    app.authorize(&credential, Scope::Subscribe, &name)?;
     let (which, format) = parse_file(&file).ok_or_else(|| {
         Problem::not_found(format!(
             "there is no {file}: ask for a frame's number or \"latest\", with .drc, .glb or .ply"
@@ -100,10 +102,11 @@ pub(super) async fn get_frame(
 /// `GET /v1/streams/{stream}/frames/{seq|latest}/metrics`.
 pub(super) async fn get_frame_metrics(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Path((_, seq)): Path<(String, String)>,
     Strict(NoParameters {}): Strict<NoParameters>,
 ) -> Result<Response, Problem> {
+    app.authorize(&credential, Scope::Subscribe, &name)?;
     let which = parse_which(&seq).ok_or_else(|| {
         Problem::not_found(format!(
             "there is no frame {seq}: ask for a number or \"latest\""
@@ -120,9 +123,10 @@ pub(super) async fn get_frame_metrics(
 /// `GET /v1/streams/{stream}/metrics?last=N`.
 pub(super) async fn get_metrics(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Strict(range): Strict<Range>,
 ) -> Result<Response, Problem> {
+    app.authorize(&credential, Scope::Subscribe, &name)?;
     let stream = app
         .registry
         .get(&name)

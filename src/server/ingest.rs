@@ -17,9 +17,10 @@ use steadymesh_proto::{NativeFrame, metrics::FrameMetrics};
 use crate::streams::{Loss, Outcome, Refused, Stream, Submission};
 
 use super::App;
+use super::auth::Scope;
 use super::body;
 use super::error::Problem;
-use super::extract::{Name, Strict};
+use super::extract::{Asking, Strict};
 use super::prefer::Wait;
 
 const TYPES: &str = "model/obj, model/ply, model/gltf-binary, application/vnd.draco, \
@@ -50,23 +51,20 @@ impl Stamps {
 /// `POST /v1/streams/{stream}/frames`.
 pub(super) async fn post_frame(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     stamps: Result<Strict<Stamps>, Problem>,
     headers: HeaderMap,
     request_body: Body,
 ) -> Response {
-    let stamps = match stamps {
-        Ok(Strict(stamps)) => stamps,
+    let prepared = stamps.and_then(|Strict(stamps)| {
+        app.authorize(&credential, Scope::Publish, &name)?;
+        Ok((stamps, app.registry.get_or_create(&name)?))
+    });
+    let (stamps, stream) = match prepared {
+        Ok(prepared) => prepared,
         Err(problem) => {
             body::discard(request_body, &headers).await;
             return problem.into_response();
-        }
-    };
-    let stream = match app.registry.get_or_create(&name) {
-        Ok(stream) => stream,
-        Err(error) => {
-            body::discard(request_body, &headers).await;
-            return Problem::from(error).into_response();
         }
     };
     match take_frame(&app, &stream, stamps, &headers, request_body).await {
@@ -101,9 +99,15 @@ async fn take_frame(
         Ok(place) => place,
         Err(refused) => return refuse(refused.into(), request_body).await,
     };
+    let options = app.options();
     let limits = body::Limits {
-        max_bytes: app.options.max_body_bytes,
-        timeout: app.options.body_timeout,
+        max_bytes: options.max_body_bytes,
+        timeout: options.body_timeout,
+    };
+    let needed = body::needed(&request_body, limits.max_bytes);
+    let _memory = match app.memory.reserve(needed) {
+        Ok(memory) => memory,
+        Err(problem) => return refuse(problem, request_body).await,
     };
     let bytes = body::read(request_body, headers, limits).await?;
     let arrived = Instant::now();

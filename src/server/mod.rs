@@ -3,13 +3,17 @@
 //! `router` has the public routes on one screen, `internal` those of operations, which have a
 //! listener of their own.
 
+mod access;
+pub mod auth;
 mod body;
+mod connection_cap;
 mod control;
 mod error;
 mod extract;
 mod frames;
 mod ingest;
 mod internal;
+mod origin;
 mod player;
 mod prefer;
 mod publish;
@@ -19,12 +23,22 @@ mod subscribe;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use arc_swap::ArcSwap;
 use axum::Router;
+use axum::http::Request;
 use axum_server::Handle;
+use axum_server::accept::{Accept, DefaultAcceptor};
+use axum_server::service::SendService;
+use axum_server::tls_rustls::{RustlsAcceptor, RustlsConfig};
+use hyper::body::Incoming;
+use serde::{Deserialize, Serialize};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
 use tokio_util::task::TaskTracker;
 
@@ -32,20 +46,37 @@ use crate::compute::ComputePool;
 use crate::streams::Registry;
 use crate::telemetry::Telemetry;
 
+use auth::{Auth, Tickets};
+use connection_cap::ConnectionCap;
+
 /// Connections may take so long to end after the last stream has.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-/// Where the server listens, and how long it waits.
+/// Where the server listens, what it lets in, and how long it waits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// The public listener.
     pub listen: SocketAddr,
     /// The listener of operations.
     pub internal_listen: SocketAddr,
+    /// The certificate of the public listener, if it speaks TLS.
+    pub tls: Option<TlsOptions>,
+    /// Who may do what.
+    pub auth: auth::Options,
+    /// Origins whose pages may use the server, or `*`.
+    pub allowed_origins: Vec<String>,
     /// How long accepted frames may take to come out once the server is asked to stop.
     pub shutdown_grace: Duration,
     /// Most bytes of a frame's body.
     pub max_body_bytes: usize,
+    /// Most bytes of bodies that are being received at a time.
+    pub max_memory_bytes: usize,
+    /// Most connections, in all.
+    pub max_connections: usize,
+    /// Most connections from one address.
+    pub max_connections_per_address: usize,
+    /// Most players of a stream.
+    pub max_subscribers: usize,
     /// How long a request's head may take.
     pub header_timeout: Duration,
     /// How long a request's body may take.
@@ -54,32 +85,67 @@ pub struct Options {
     pub send_timeout: Duration,
 }
 
+/// A certificate chain and its key, in PEM.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsOptions {
+    /// The chain, the server's own certificate first.
+    pub certificate_file: PathBuf,
+    /// Its private key.
+    pub key_file: PathBuf,
+}
+
 /// What all handlers share.
 #[derive(Debug)]
 struct App {
     registry: Registry,
     telemetry: Arc<Telemetry>,
     pool: Arc<ComputePool>,
-    options: Options,
+    options: ArcSwap<Options>,
+    auth: ArcSwap<Auth>,
+    tickets: Tickets,
     stopping: AtomicBool,
     /// WebSocket connections, which end after the request that began them.
     sockets: TaskTracker,
+    /// Bytes of bodies that are being received.
+    memory: body::Memory,
 }
 
 impl App {
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
     }
+
+    fn options(&self) -> Arc<Options> {
+        self.options.load_full()
+    }
 }
 
-/// Why a server could not start.
+/// Why a server could not start, or not take a new configuration.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot listen on {address}: {reason}")]
-pub struct CannotListen {
-    /// The address.
-    pub address: SocketAddr,
-    /// What the system says.
-    pub reason: io::Error,
+#[non_exhaustive]
+pub enum NotStarted {
+    /// An address cannot be had.
+    #[error("cannot listen on {address}: {reason}")]
+    CannotListen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system says.
+        reason: io::Error,
+    },
+    /// The certificate or its key cannot be used.
+    #[error("tls: {certificate} with {key}: {reason}")]
+    Tls {
+        /// The certificate's file.
+        certificate: String,
+        /// The key's file.
+        key: String,
+        /// What is wrong.
+        reason: io::Error,
+    },
+    /// The key of signed tokens cannot be used.
+    #[error(transparent)]
+    Jwt(#[from] auth::UnusableKey),
 }
 
 /// A running server. It stops when [`Server::shut_down`] is called.
@@ -88,6 +154,7 @@ pub struct Server {
     app: Arc<App>,
     public: Listener,
     internal: Listener,
+    tls: Option<RustlsConfig>,
 }
 
 #[derive(Debug)]
@@ -102,30 +169,66 @@ impl Server {
     ///
     /// # Errors
     ///
-    /// [`CannotListen`] if an address cannot be had.
-    pub fn start(
+    /// [`NotStarted`].
+    pub async fn start(
         options: Options,
         registry: Registry,
         pool: Arc<ComputePool>,
         telemetry: Arc<Telemetry>,
-    ) -> Result<Self, CannotListen> {
-        let (listen, internal_listen) = (options.listen, options.internal_listen);
-        let header_timeout = options.header_timeout;
+    ) -> Result<Self, NotStarted> {
+        let auth = Auth::new(&options.auth)?;
+        let tls = match &options.tls {
+            Some(files) => Some(load_tls(files).await?),
+            None => None,
+        };
+        // Both before either is served, so that a failure leaves nothing running.
+        let (public, internal) = (bind(options.listen)?, bind(options.internal_listen)?);
         let app = Arc::new(App {
             registry,
             telemetry,
             pool,
-            options,
+            memory: body::Memory::new(options.max_memory_bytes),
+            options: ArcSwap::from_pointee(options),
+            auth: ArcSwap::from_pointee(auth),
+            tickets: Tickets::default(),
             stopping: AtomicBool::new(false),
             sockets: TaskTracker::new(),
         });
-        // Both before either is served, so that a failure leaves nothing running.
-        let (public, internal) = (bind(listen)?, bind(internal_listen)?);
+        let header_timeout = app.options().header_timeout;
+        let cap = ConnectionCap::new(Arc::clone(&app), tls.is_none());
+        let routes = router::router(Arc::clone(&app));
+        let public = match &tls {
+            Some(tls) => {
+                let acceptor = RustlsAcceptor::new(tls.clone()).acceptor(cap);
+                serve(public, acceptor, routes, header_timeout)?
+            }
+            None => serve(public, cap, routes, header_timeout)?,
+        };
+        let routes = internal::router(Arc::clone(&app));
         Ok(Self {
-            public: serve(public, router::router(Arc::clone(&app)), header_timeout)?,
-            internal: serve(internal, internal::router(Arc::clone(&app)), header_timeout)?,
+            public,
+            internal: serve(internal, DefaultAcceptor::new(), routes, header_timeout)?,
             app,
+            tls,
         })
+    }
+
+    /// Takes a new configuration, all of it or nothing. Connections stay. Addresses stay what
+    /// they were, and so does whether TLS is spoken.
+    ///
+    /// # Errors
+    ///
+    /// [`NotStarted`] if a file that it names cannot be used.
+    pub async fn reload(&self, options: Options) -> Result<(), NotStarted> {
+        let auth = Auth::new(&options.auth)?;
+        if let (Some(tls), Some(files)) = (&self.tls, &options.tls) {
+            let (certificate, key) = (&files.certificate_file, &files.key_file);
+            let reloaded = tls.reload_from_pem_file(certificate, key).await;
+            reloaded.map_err(|reason| cannot_use(files, reason))?;
+        }
+        self.app.auth.store(Arc::new(auth));
+        self.app.options.store(Arc::new(options));
+        Ok(())
     }
 
     /// The public listener's address.
@@ -143,7 +246,7 @@ impl Server {
     /// Stops: takes no new connections and frames, lets accepted frames come out, tells
     /// players that it is over, and ends.
     pub async fn shut_down(self) {
-        let grace = self.app.options.shutdown_grace;
+        let grace = self.app.options().shutdown_grace;
         self.app.stopping.store(true, Ordering::Relaxed);
         self.public.handle.graceful_shutdown(Some(grace + FAREWELL));
         self.app.registry.shut_down(grace).await;
@@ -170,21 +273,42 @@ impl Listener {
     }
 }
 
-fn bind(address: SocketAddr) -> Result<(TcpListener, SocketAddr), CannotListen> {
-    let cannot = |reason| CannotListen { address, reason };
+async fn load_tls(files: &TlsOptions) -> Result<RustlsConfig, NotStarted> {
+    let loaded = RustlsConfig::from_pem_file(&files.certificate_file, &files.key_file).await;
+    loaded.map_err(|reason| cannot_use(files, reason))
+}
+
+fn cannot_use(files: &TlsOptions, reason: io::Error) -> NotStarted {
+    NotStarted::Tls {
+        certificate: files.certificate_file.display().to_string(),
+        key: files.key_file.display().to_string(),
+        reason,
+    }
+}
+
+fn bind(address: SocketAddr) -> Result<(TcpListener, SocketAddr), NotStarted> {
+    let cannot = |reason| NotStarted::CannotListen { address, reason };
     let listener = TcpListener::bind(address).map_err(cannot)?;
     let bound = listener.local_addr().map_err(cannot)?;
     Ok((listener, bound))
 }
 
-fn serve(
+fn serve<A>(
     (listener, address): (TcpListener, SocketAddr),
+    acceptor: A,
     router: Router,
     header_timeout: Duration,
-) -> Result<Listener, CannotListen> {
+) -> Result<Listener, NotStarted>
+where
+    A: Accept<TcpStream, Router> + Clone + Send + Sync + 'static,
+    A::Stream: AsyncRead + AsyncWrite + Unpin + Send,
+    A::Service: SendService<Request<Incoming>> + Send,
+    A::Future: Send,
+{
     let handle = Handle::new();
     let mut server = axum_server::from_tcp(listener)
-        .map_err(|reason| CannotListen { address, reason })?
+        .map_err(|reason| NotStarted::CannotListen { address, reason })?
+        .acceptor(acceptor)
         .handle(handle.clone())
         .first_request_timeout(header_timeout);
     // The libraries' defaults have no timeout: half a head would hold a connection for ever.

@@ -20,10 +20,14 @@ use tokio_tungstenite::tungstenite;
 use crate::streams::{Loss, Outcome, Publication, Session, Stream, Submission, Ticket};
 
 use super::App;
+use super::access::Access;
+use super::auth::Scope;
 use super::error::Problem;
-use super::extract::{Name, Strict};
+use super::extract::{Asking, Strict};
 use super::ingest::{Stamps, sniffed_format, with_native_stamps};
-use super::socket::{self, CLOSE_SILENT, CLOSE_SUPERSEDED, NotSent, Outgoing, SILENCE};
+use super::socket::{
+    self, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, NotSent, Outgoing, SILENCE,
+};
 
 /// What a publisher may say when it connects.
 #[derive(Debug, Deserialize)]
@@ -32,6 +36,9 @@ pub(super) struct Arrival {
     session: Option<String>,
     #[serde(default)]
     takeover: bool,
+    /// Has been read as a credential.
+    #[serde(rename = "ticket")]
+    _ticket: Option<String>,
 }
 
 /// Why a connection ends.
@@ -47,10 +54,11 @@ enum Farewell {
 /// `GET /v1/streams/{stream}/publish`.
 pub(super) async fn publish(
     State(app): State<Arc<App>>,
-    Name(name): Name,
+    Asking { name, credential }: Asking,
     Strict(arrival): Strict<Arrival>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
+    let access = app.authorize(&credential, Scope::Publish, &name)?;
     let upgrade = socket::accept(upgrade)?;
     let stream = app.registry.get_or_create(&name)?;
     let session = match arrival.session {
@@ -60,12 +68,13 @@ pub(super) async fn publish(
     let publication = stream
         .publish(session, arrival.takeover)
         .map_err(|_| Problem::occupied())?;
-    let ongoing = app.sockets.token();
+    let (ongoing, options) = (app.sockets.token(), app.options());
     Ok(upgrade
-        .max_message_size(app.options.max_body_bytes)
-        .max_frame_size(app.options.max_body_bytes)
+        .max_message_size(options.max_body_bytes)
+        .max_frame_size(options.max_body_bytes)
         .on_upgrade(move |socket| async move {
-            serve(socket, &stream, publication, app.options.send_timeout).await;
+            let send_timeout = options.send_timeout;
+            serve(socket, &stream, (publication, access), send_timeout).await;
             drop(ongoing);
         }))
 }
@@ -80,7 +89,7 @@ fn new_session() -> Result<Session, Problem> {
 async fn serve(
     socket: WebSocket,
     stream: &Arc<Stream>,
-    publication: Publication,
+    (publication, access): (Publication, Access),
     send_timeout: Duration,
 ) {
     let (sink, mut incoming) = socket.split();
@@ -88,6 +97,7 @@ async fn serve(
         outgoing: Outgoing::new(sink, send_timeout),
         stream,
         publication: &publication,
+        access: &access,
         messages: 0,
         credit: 0,
         stamps: Stamps::default(),
@@ -117,6 +127,7 @@ struct Connection<'a> {
     outgoing: Outgoing,
     stream: &'a Arc<Stream>,
     publication: &'a Publication,
+    access: &'a Access,
     /// Frames that have come.
     messages: u64,
     /// What the publisher has been told.
@@ -150,6 +161,9 @@ impl Connection<'_> {
                 }
                 () = self.publication.superseded() => {
                     return Farewell::Ours(CLOSE_SUPERSEDED, "another publisher has taken over");
+                }
+                () = self.access.expired() => {
+                    return Farewell::Ours(CLOSE_EXPIRED, "the token has expired");
                 }
                 reason = &mut ended => {
                     let (code, reason) = socket::close_of(reason);

@@ -1,16 +1,22 @@
 //! The public route table.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
+use axum::middleware;
 use axum::response::IntoResponse;
 use axum::routing::{get, post, put};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::trace::TraceLayer;
+use tracing::Span;
 
 use super::error::Problem;
-use super::{App, control, frames, ingest, player, publish, subscribe};
+use super::{App, access, control, frames, ingest, origin, player, publish, subscribe};
+
+/// Requests are numbered, so that the lines of one can be found.
+static NEXT_REQUEST: AtomicU64 = AtomicU64::new(1);
 
 /// A configuration is a few hundred bytes.
 const MAX_DOCUMENT_BYTES: usize = 64 << 10;
@@ -26,6 +32,7 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/watch/{stream}", get(player::watch))
         .route("/assets/{file}", get(player::asset))
         .route("/draco/{file}", get(player::decoder))
+        .route("/v1/tickets", post(access::post_ticket))
         .route("/v1/streams", get(control::list_streams))
         .route("/v1/streams/{stream}", stream)
         .route("/v1/streams/{stream}/frames", post(ingest::post_frame))
@@ -36,14 +43,26 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/v1/streams/{stream}/subscribe", get(subscribe::subscribe))
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
+        .layer(middleware::from_fn_with_state(
+            Arc::clone(&app),
+            origin::check,
+        ))
+        .layer(origin::cors(Arc::clone(&app)))
         .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
         .layer(CatchPanicLayer::custom(
             |_: Box<dyn std::any::Any + Send>| {
                 Problem::defect("the request could not be answered").into_response()
             },
         ))
-        .layer(TraceLayer::new_for_http())
+        .layer(TraceLayer::new_for_http().make_span_with(request_span))
         .with_state(app)
+}
+
+/// The path without the query, which may hold a ticket.
+fn request_span<B>(request: &axum::http::Request<B>) -> Span {
+    let (method, path) = (request.method(), request.uri().path());
+    let id = NEXT_REQUEST.fetch_add(1, Ordering::Relaxed);
+    tracing::info_span!("request", id, %method, path)
 }
 
 async fn not_found(request: Request) -> Problem {

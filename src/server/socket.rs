@@ -12,6 +12,7 @@ use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::EndReason;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at, timeout};
 
+use super::auth::is_credential;
 use super::error::Problem;
 
 /// A client is asked for a sign of life this often,
@@ -20,6 +21,7 @@ const PING_EVERY: Duration = Duration::from_secs(20);
 pub(super) const SILENCE: Duration = Duration::from_secs(50);
 
 /// Close codes of our own are 4000 and the HTTP status that means the same.
+pub(super) const CLOSE_EXPIRED: u16 = 4401;
 pub(super) const CLOSE_SILENT: u16 = 4408;
 pub(super) const CLOSE_SUPERSEDED: u16 = 4409;
 pub(super) const CLOSE_TOO_FAR_BEHIND: u16 = 4429;
@@ -42,10 +44,19 @@ pub(super) fn accept(
         .requested_protocols()
         .filter_map(|protocol| protocol.to_str().ok().map(str::to_owned))
         .collect();
-    if !offered.is_empty() && !offered.iter().any(|protocol| protocol == SUBPROTOCOL) {
+    // A credential among them is none of the protocols, and is not repeated to anybody.
+    let offered: Vec<_> = offered
+        .iter()
+        .filter(|protocol| !is_credential(protocol))
+        .collect();
+    if !offered.is_empty() && !offered.iter().any(|protocol| *protocol == SUBPROTOCOL) {
         return Err(Problem::bad_request(format!(
             "of the subprotocols {} none is spoken here: offer {SUBPROTOCOL}",
-            offered.join(", ")
+            offered
+                .iter()
+                .map(|p| p.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
         )));
     }
     Ok(upgrade.protocols([SUBPROTOCOL]))

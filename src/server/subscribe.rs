@@ -9,21 +9,50 @@ use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use futures_util::StreamExt;
 use futures_util::stream::SplitStream;
+use serde::Deserialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{ControlMessage, EndReason};
 use tokio::time::timeout;
 
-use crate::streams::{Delivery, Stream};
+use crate::streams::{Delivery, Seat, Stream};
 
 use super::App;
+use super::access::Access;
+use super::auth::Scope;
 use super::error::Problem;
-use super::extract::{Name, NoParameters, Strict};
-use super::socket::{self, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, NotSent, Outgoing, SILENCE};
+use super::extract::{Asking, Strict};
+use super::socket::{
+    self, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, NotSent, Outgoing, SILENCE,
+};
 
 /// Players say nothing but pongs and farewells.
 const MAX_MESSAGE_BYTES: usize = 4096;
 /// How long a player may take to say goodbye too.
 const GOODBYE: Duration = Duration::from_secs(1);
+
+/// What a player may wish for.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Wishes {
+    /// At most so many frames a second; the newest ones.
+    max_fps: Option<f64>,
+    /// Has been read as a credential.
+    #[serde(rename = "ticket")]
+    _ticket: Option<String>,
+}
+
+impl Wishes {
+    /// The least time between two frames.
+    fn pace(&self) -> Result<Duration, Problem> {
+        match self.max_fps {
+            None => Ok(Duration::ZERO),
+            Some(fps) if (0.01..=1000.0).contains(&fps) => Ok(Duration::from_secs_f64(1.0 / fps)),
+            Some(fps) => Err(Problem::bad_request(format!(
+                "max_fps is {fps}: it must be from 0.01 to 1000"
+            ))),
+        }
+    }
+}
 
 /// Why a connection ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +60,8 @@ enum Farewell {
     Ended(EndReason),
     /// A message did not get through in time.
     TooFarBehind,
+    /// The token is no longer good.
+    Expired,
     /// No pong has come back for too long.
     Silent,
     /// The player has closed, or broken the protocol.
@@ -40,40 +71,59 @@ enum Farewell {
 /// `GET /v1/streams/{stream}/subscribe`.
 pub(super) async fn subscribe(
     State(app): State<Arc<App>>,
-    Name(name): Name,
-    Strict(NoParameters {}): Strict<NoParameters>,
+    Asking { name, credential }: Asking,
+    Strict(wishes): Strict<Wishes>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
+    let access = app.authorize(&credential, Scope::Subscribe, &name)?;
+    let pace = wishes.pace()?;
     // Before the handshake is judged, so that a plain GET learns whether the stream is there.
     let stream = app
         .registry
         .get(&name)
         .ok_or_else(|| Problem::no_stream(&name))?;
     let upgrade = socket::accept(upgrade)?;
+    let limit = app.options().max_subscribers;
+    let Some(seat) = stream.take_seat(limit) else {
+        return Err(Problem::over_limit(format!(
+            "the stream has {limit} players, which is limits.subscribers_per_stream"
+        )));
+    };
     let ongoing = app.sockets.token();
     Ok(upgrade
         .max_message_size(MAX_MESSAGE_BYTES)
         .max_frame_size(MAX_MESSAGE_BYTES)
         .on_upgrade(move |socket| async move {
             app.telemetry.connections.inc();
-            serve(socket, &stream, app.options.send_timeout).await;
+            let reader = Reader { seat, access, pace };
+            serve(socket, &reader, app.options().send_timeout).await;
             app.telemetry.connections.dec();
             drop(ongoing);
         }))
 }
 
+/// A player that has been let in.
+struct Reader {
+    seat: Seat,
+    access: Access,
+    /// The least time between two frames.
+    pace: Duration,
+}
+
 /// Sends frames until one side has enough.
-async fn serve(socket: WebSocket, stream: &Arc<Stream>, send_timeout: Duration) {
+async fn serve(socket: WebSocket, reader: &Reader, send_timeout: Duration) {
     let (sink, mut incoming) = socket.split();
     let mut outgoing = Outgoing::new(sink, send_timeout);
     let farewell = tokio::select! {
-        farewell = send_frames(&mut outgoing, stream) => farewell,
+        farewell = send_frames(&mut outgoing, reader) => farewell,
         farewell = listen(&mut incoming) => farewell,
+        () = reader.access.expired() => Farewell::Expired,
     };
-    tracing::debug!(stream = %stream.name(), ?farewell, "subscriber leaves");
+    tracing::debug!(stream = %reader.seat.stream().name(), ?farewell, "subscriber leaves");
     let (code, reason) = match farewell {
         Farewell::Ended(reason) => socket::close_of(reason),
         Farewell::TooFarBehind => (CLOSE_TOO_FAR_BEHIND, "too far behind"),
+        Farewell::Expired => (CLOSE_EXPIRED, "the token has expired"),
         Farewell::Silent => (CLOSE_SILENT, "no sign of life"),
         // The answer to a farewell is automatic.
         Farewell::Theirs => return,
@@ -83,15 +133,15 @@ async fn serve(socket: WebSocket, stream: &Arc<Stream>, send_timeout: Duration) 
     }
 }
 
-async fn send_frames(outgoing: &mut Outgoing, stream: &Arc<Stream>) -> Farewell {
-    let mut subscription = stream.subscribe();
-    if outgoing.say(&hello(stream)).await.is_err() {
+async fn send_frames(outgoing: &mut Outgoing, reader: &Reader) -> Farewell {
+    let mut subscription = reader.seat.subscribe();
+    if outgoing.say(&hello(reader.seat.stream())).await.is_err() {
         return Farewell::TooFarBehind;
     }
     let mut pings = socket::pings();
     loop {
         let sent = tokio::select! {
-            delivery = subscription.next() => {
+            delivery = subscription.next_paced(reader.pace) => {
                 if let Delivery::End(reason) = delivery {
                     // Whether or not this gets through, it is over.
                     outgoing.say(&ControlMessage::End { reason }).await.ok();

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use arc_swap::ArcSwap;
 use steadymesh_mesh_io::Limits;
 use steadymesh_proto::stream::{StreamConfig, StreamSummary};
 use tokio_util::task::TaskTracker;
@@ -13,7 +14,7 @@ use crate::telemetry::Telemetry;
 
 use super::StreamName;
 use super::intake::Intake;
-use super::settings::{Configured, InvalidConfig};
+use super::settings::{Configured, InvalidConfig, StreamRule};
 use super::stream::{Parts, Request, Stream};
 use super::task::Task;
 
@@ -40,6 +41,39 @@ pub struct Options {
     pub limits: Limits,
     /// What a stream's configuration leaves out.
     pub defaults: StreamConfig,
+    /// What comes before `defaults` for some streams; the first that matches counts.
+    pub rules: Vec<StreamRule>,
+}
+
+impl Options {
+    /// What `config` means for the stream of this name.
+    fn configure(
+        &self,
+        name: &StreamName,
+        config: &StreamConfig,
+    ) -> Result<Configured, InvalidConfig> {
+        let rule = self.rules.iter().find(|rule| rule.pattern.matches(name));
+        let layers = [
+            Some(config),
+            rule.map(|rule| &rule.defaults),
+            Some(&self.defaults),
+        ];
+        let layers: Vec<_> = layers.into_iter().flatten().collect();
+        Configured::new(&layers, self.limits.max_faces)
+    }
+
+    /// Checks the defaults.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidConfig`] names the value and its range.
+    pub fn check(&self) -> Result<(), InvalidConfig> {
+        Configured::new(&[&self.defaults], self.limits.max_faces)?;
+        for rule in &self.rules {
+            Configured::new(&[&rule.defaults, &self.defaults], self.limits.max_faces)?;
+        }
+        Ok(())
+    }
 }
 
 /// Why a stream could not be made or changed.
@@ -72,7 +106,7 @@ struct Shared {
     tasks: TaskTracker,
     pool: Arc<ComputePool>,
     telemetry: Arc<Telemetry>,
-    options: Options,
+    options: ArcSwap<Options>,
 }
 
 impl Registry {
@@ -86,17 +120,22 @@ impl Registry {
         pool: Arc<ComputePool>,
         telemetry: Arc<Telemetry>,
     ) -> Result<Self, InvalidConfig> {
-        let nothing = StreamConfig::default();
-        Configured::new(&options.defaults, &nothing, options.limits.max_faces)?;
+        options.check()?;
         Ok(Self {
             shared: Arc::new(Shared {
                 streams: Mutex::default(),
                 tasks: TaskTracker::new(),
                 pool,
                 telemetry,
-                options,
+                options: ArcSwap::from_pointee(options),
             }),
         })
+    }
+
+    /// Takes new options, for streams that are made and configured from now on. They are
+    /// expected to have been checked.
+    pub fn reload(&self, options: Options) {
+        self.shared.options.store(Arc::new(options));
     }
 
     /// The stream of this name.
@@ -118,7 +157,11 @@ impl Registry {
         if let Some(stream) = self.get(name) {
             return Ok(stream);
         }
-        let configured = self.shared.check(&StreamConfig::default())?;
+        let configured = self
+            .shared
+            .options
+            .load()
+            .configure(name, &StreamConfig::default())?;
         self.shared
             .insert(name, configured, UNUSED_TIMEOUT)
             .map(|(stream, _)| stream)
@@ -135,10 +178,12 @@ impl Registry {
         name: &StreamName,
         config: &StreamConfig,
     ) -> Result<(Arc<Stream>, bool), NotConfigured> {
-        let configured = self.shared.check(config)?;
-        let (stream, is_new) =
-            self.shared
-                .insert(name, configured.clone(), self.shared.options.idle_timeout)?;
+        let configured = self.shared.options.load().configure(name, config)?;
+        let (stream, is_new) = self.shared.insert(
+            name,
+            configured.clone(),
+            self.shared.options.load().idle_timeout,
+        )?;
         if !is_new {
             stream.configure(configured);
         }
@@ -192,14 +237,6 @@ impl Shared {
         self.streams.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn check(&self, config: &StreamConfig) -> Result<Configured, InvalidConfig> {
-        Configured::new(
-            config,
-            &self.options.defaults,
-            self.options.limits.max_faces,
-        )
-    }
-
     /// Makes a stream if there is none of this name.
     fn insert(
         self: &Arc<Self>,
@@ -215,7 +252,7 @@ impl Shared {
         if self.tasks.is_closed() {
             return Err(NotConfigured::Stopping);
         }
-        let options = &self.options;
+        let options = self.options.load();
         let limit = options.max_streams;
         if limit <= streams.len() {
             return Err(NotConfigured::TooManyStreams { limit });

@@ -1,8 +1,11 @@
 //! From a stream's configuration, as users write it, to the pipeline's settings.
 
+use serde::{Deserialize, Serialize};
 use steadymesh_proto::stream::{DracoConfig, MetricsMode, Overload, StreamConfig};
 
 use crate::pipeline::{InvalidSettings, Settings, TargetSize};
+
+use super::StreamPattern;
 
 /// Quantization that makes sense: below, a figure looks like building blocks; above, a
 /// 32-bit float has no more to give.
@@ -18,6 +21,17 @@ pub struct Configured {
     pub settings: Settings,
     /// What happens when frames come too fast.
     pub overload: Overload,
+}
+
+/// Defaults for the streams whose names match.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StreamRule {
+    /// Which streams.
+    #[serde(rename = "match")]
+    pub pattern: StreamPattern,
+    /// What their configuration leaves out.
+    pub defaults: StreamConfig,
 }
 
 /// Why a configuration cannot be used.
@@ -49,32 +63,30 @@ pub enum InvalidConfig {
 }
 
 impl Configured {
-    /// Checks `asked`, and fills in what it leaves out from `defaults`, and what these leave
-    /// out from the pipeline's own.
+    /// Checks configurations of which each fills in what those before it leave out, and the
+    /// pipeline's own defaults what all of them leave out.
     ///
     /// # Errors
     ///
     /// [`InvalidConfig`] names the value and its range.
-    pub fn new(
-        asked: &StreamConfig,
-        defaults: &StreamConfig,
-        max_faces: usize,
-    ) -> Result<Self, InvalidConfig> {
+    pub fn new(layers: &[&StreamConfig], max_faces: usize) -> Result<Self, InvalidConfig> {
         let own = Settings::default();
-        let target = target_of(asked)?.or(target_of(defaults)?);
+        let mut target = None;
+        for layer in layers.iter().rev() {
+            target = target_of(layer)?.or(target);
+        }
         let target = target.unwrap_or(own.target).check(max_faces)?;
-        let tracking = asked.tracking.or(defaults.tracking).unwrap_or(own.tracking);
-        let metrics = asked.metrics.or(defaults.metrics).unwrap_or_default();
-        let overload = asked.overload.or(defaults.overload).unwrap_or_default();
-        let (asked, defaults) = (asked.draco, defaults.draco);
+        let tracking = first(layers, |layer| layer.tracking).unwrap_or(own.tracking);
+        let metrics = first(layers, |layer| layer.metrics).unwrap_or_default();
+        let overload = first(layers, |layer| layer.overload).unwrap_or_default();
         let mut draco = own.draco;
-        if let Some(bits) = asked.position_bits.or(defaults.position_bits) {
+        if let Some(bits) = first(layers, |layer| layer.draco.position_bits) {
             if !POSITION_BITS.contains(&bits) {
                 return Err(InvalidConfig::PositionBits { found: bits });
             }
             draco.position_bits = bits;
         }
-        if let Some(speed) = asked.speed.or(defaults.speed) {
+        if let Some(speed) = first(layers, |layer| layer.draco.speed) {
             if speed > MAX_SPEED {
                 return Err(InvalidConfig::Speed { found: speed });
             }
@@ -108,6 +120,11 @@ impl Configured {
     }
 }
 
+/// The value of the first layer that has one.
+fn first<T>(layers: &[&StreamConfig], value: impl Fn(&StreamConfig) -> Option<T>) -> Option<T> {
+    layers.iter().find_map(|layer| value(layer))
+}
+
 fn target_of(config: &StreamConfig) -> Result<Option<TargetSize>, InvalidConfig> {
     match (config.target_faces, config.target_ratio) {
         (Some(_), Some(_)) => Err(InvalidConfig::TwoTargets),
@@ -124,7 +141,7 @@ mod tests {
 
     fn parse(asked: &str, defaults: &str) -> Result<Configured, InvalidConfig> {
         let config = |text| serde_json::from_str::<StreamConfig>(text).unwrap();
-        Configured::new(&config(asked), &config(defaults), 2_000_000)
+        Configured::new(&[&config(asked), &config(defaults)], 2_000_000)
     }
 
     #[test]

@@ -15,7 +15,7 @@ use crate::telemetry::StreamMetrics;
 use super::history::{Delivered, History, Loss, Outcome};
 use super::intake::Intake;
 use super::publisher_slot::PublisherSlot;
-use super::{Configured, Occupied, Place, Publication, Refused, Session, StreamName, Subscription};
+use super::{Configured, Occupied, Place, Publication, Refused, Seat, Session, StreamName};
 
 /// A stream is called live for so long after its last frame.
 const LIVE_FOR: Duration = Duration::from_secs(5);
@@ -150,10 +150,18 @@ impl Stream {
         self.metrics.rejected.inc();
     }
 
-    /// Starts reading the stream with its newest frame.
+    /// Takes a reader's seat; none if `limit` of them are taken.
     #[must_use]
-    pub fn subscribe(self: &Arc<Self>) -> Subscription {
-        Subscription::new(Arc::clone(self), self.subscriber_queue)
+    pub fn take_seat(self: &Arc<Self>, limit: usize) -> Option<Seat> {
+        let subscribers = &self.metrics.subscribers;
+        subscribers.inc();
+        // Made first, so that it is given back in either case.
+        let seat = Seat::new(Arc::clone(self));
+        (subscribers.get() <= i64::try_from(limit).unwrap_or(i64::MAX)).then_some(seat)
+    }
+
+    pub(super) fn subscriber_queue(&self) -> usize {
+        self.subscriber_queue
     }
 
     /// Waits until the outcome of frame `seq` is known; none if the stream ended before, or

@@ -1,8 +1,10 @@
 //! One reader of a stream, and what it loses when it is slow.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use steadymesh_proto::stream::EndReason;
+use tokio::time::Instant;
 
 use super::history::Delivered;
 use super::stream::{Position, Stream};
@@ -31,13 +33,45 @@ pub struct Subscription {
     /// The newest frame, to be sent after the reader has been told what it missed.
     pending: Option<Arc<Delivered>>,
     max_behind: u64,
+    /// When a paced reader is due its next frame.
+    not_before: Option<Instant>,
+}
+
+/// A reader's seat: counted for as long as it is held.
+#[derive(Debug)]
+pub struct Seat {
+    stream: Arc<Stream>,
+}
+
+impl Seat {
+    pub(super) fn new(stream: Arc<Stream>) -> Self {
+        Self { stream }
+    }
+
+    /// The stream.
+    #[must_use]
+    pub fn stream(&self) -> &Arc<Stream> {
+        &self.stream
+    }
+
+    /// Starts reading the stream with its newest frame.
+    #[must_use]
+    pub fn subscribe(&self) -> Subscription {
+        Subscription::new(Arc::clone(&self.stream), self.stream.subscriber_queue())
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.stream.metrics().subscribers.dec();
+    }
 }
 
 impl Subscription {
     pub(super) fn new(stream: Arc<Stream>, max_behind: usize) -> Self {
-        stream.metrics().subscribers.inc();
         Self {
             position: stream.watch(),
+            not_before: None,
             stream,
             last: None,
             pending: None,
@@ -65,6 +99,38 @@ impl Subscription {
         }
     }
 
+    /// Like [`Subscription::next`], with at least `pace` between two frames: the newest one when
+    /// its time has come. What lies between is not missed, for it was not wanted.
+    ///
+    /// Cancel safe.
+    pub async fn next_paced(&mut self, pace: Duration) -> Delivery {
+        if pace.is_zero() {
+            return self.next().await;
+        }
+        if let Some(due) = self.not_before {
+            let ended = self.stream.ended();
+            tokio::select! {
+                () = tokio::time::sleep_until(due) => {}
+                // The frames that are left, and then the end.
+                _ = ended => return self.next().await,
+            }
+        }
+        if let Some((_, newest)) = self.stream.frames_after(self.last.as_ref()) {
+            self.pending = Some(newest);
+        }
+        let delivery = self.next().await;
+        if let Delivery::Frame(_) = delivery {
+            let now = Instant::now();
+            // From when it was due, so that ten of thirty frames a second are ten.
+            let due = self.not_before.map_or(now, |due| due + pace);
+            self.not_before = Some(due.max(now));
+            if self.not_before == Some(now) {
+                self.not_before = Some(now + pace);
+            }
+        }
+        delivery
+    }
+
     fn try_next(&mut self) -> Option<Delivery> {
         if let Some(frame) = self.pending.take() {
             return Some(self.deliver(frame));
@@ -90,11 +156,5 @@ impl Subscription {
     fn deliver(&mut self, frame: Arc<Delivered>) -> Delivery {
         self.last = Some(Arc::clone(&frame));
         Delivery::Frame(frame)
-    }
-}
-
-impl Drop for Subscription {
-    fn drop(&mut self) {
-        self.stream.metrics().subscribers.dec();
     }
 }

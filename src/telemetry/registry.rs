@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use prometheus::{Encoder, IntGauge, Registry, TextEncoder};
+use prometheus::{Encoder, IntCounter, IntCounterVec, IntGauge, Opts, Registry, TextEncoder};
 
 use super::stream_metrics::{Families, Owners, StreamMetrics};
 
@@ -11,8 +11,13 @@ use super::stream_metrics::{Families, Owners, StreamMetrics};
 pub struct Telemetry {
     registry: Registry,
     families: Families,
-    /// Connections to the public listener.
+    /// Players connected, over all streams.
     pub connections: IntGauge,
+    /// Connections to the public listener.
+    pub open_connections: IntGauge,
+    /// Connections that were over a limit.
+    pub refused_connections: IntCounter,
+    denied: IntCounterVec,
     owners: Arc<Mutex<Owners>>,
 }
 
@@ -35,6 +40,24 @@ impl Telemetry {
             "Players connected by WebSocket, over all streams.",
         )?;
         registry.register(Box::new(connections.clone()))?;
+        let open_connections = IntGauge::new(
+            "steadymesh_connections",
+            "Connections to the public listener.",
+        )?;
+        registry.register(Box::new(open_connections.clone()))?;
+        let refused_connections = IntCounter::new(
+            "steadymesh_connections_refused_total",
+            "Connections that were over a limit.",
+        )?;
+        registry.register(Box::new(refused_connections.clone()))?;
+        let denied = IntCounterVec::new(
+            Opts::new(
+                "steadymesh_denied_total",
+                "Requests refused for their credential, by reason.",
+            ),
+            &["reason"],
+        )?;
+        registry.register(Box::new(denied.clone()))?;
         #[cfg(target_os = "linux")]
         registry.register(Box::new(
             prometheus::process_collector::ProcessCollector::for_self(),
@@ -44,6 +67,9 @@ impl Telemetry {
             registry,
             families,
             connections,
+            open_connections,
+            refused_connections,
+            denied,
             owners: Arc::default(),
         })
     }
@@ -52,6 +78,11 @@ impl Telemetry {
     #[must_use]
     pub fn stream(&self, name: &str) -> StreamMetrics {
         StreamMetrics::new(&self.families, &self.owners, name)
+    }
+
+    /// Counts a request that was refused for its credential; reasons are a few fixed words.
+    pub fn count_denied(&self, reason: &'static str) {
+        self.denied.with_label_values(&[reason]).inc();
     }
 
     /// The text that Prometheus scrapes, and its content type.

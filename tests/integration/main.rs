@@ -12,5 +12,6 @@ mod frames;
 mod ingest;
 mod operations;
 mod publish;
+mod security;
 mod subscribe;
 mod support;

@@ -42,7 +42,9 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
     let telemetry = Arc::new(Telemetry::new().unwrap());
     let registry =
         Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry)).unwrap();
-    let server = Server::start(config.server(), registry, pool, telemetry).unwrap();
+    let server = Server::start(config.server(), registry, pool, telemetry)
+        .await
+        .unwrap();
     TestServer {
         server,
         client: Client::new(),

@@ -1,4 +1,4 @@
-//! Minimizes a round's surrogate by one factorisation.
+//! Minimizes a round's surrogate by conjugate gradients on a factorised matrix.
 //!
 //! With the rotations fixed to the projections of the last iterate, the surrogate is a linear
 //! least-squares problem whose matrix does not change: project, solve, repeat. Every step lowers

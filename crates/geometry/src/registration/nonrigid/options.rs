@@ -5,7 +5,7 @@ use super::GraphOptions;
 /// How the surrogate of each round is minimized. Both minimize the same function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Solver {
-    /// One sparse Cholesky factorisation a round; rotations and transforms in turn on it.
+    /// One sparse Cholesky factorisation a scale; conjugate gradients on it.
     #[default]
     Direct,
     /// L-BFGS, as the paper names it, with the factorised matrix as its initial Hessian.

@@ -1,0 +1,62 @@
+//! What each module needs to know of the configuration.
+
+use std::time::Duration;
+
+use steadymesh_mesh_io::Limits;
+
+use super::Config;
+use crate::{compute, server, streams};
+
+impl Config {
+    /// For the pool.
+    #[must_use]
+    pub fn compute(&self) -> compute::Options {
+        let cores = std::thread::available_parallelism().map_or(1, Into::into);
+        let asked = self.compute.threads;
+        compute::Options {
+            threads: if asked == 0 { cores } else { asked },
+            queue: self.compute.queue,
+        }
+    }
+
+    /// For the streams.
+    #[must_use]
+    pub fn streams(&self) -> streams::Options {
+        streams::Options {
+            max_streams: self.streams.max,
+            queue_depth: self.streams.queue_depth,
+            history: self.streams.history,
+            subscriber_queue: self.streams.subscriber_queue,
+            linger: Duration::from_secs(self.streams.linger_secs),
+            idle_timeout: Duration::from_secs(self.streams.idle_timeout_secs),
+            limits: Limits {
+                max_vertices: self.limits.vertices,
+                max_faces: self.limits.faces,
+                max_memory_bytes: self.limits.decode_memory_bytes,
+            },
+            defaults: self.streams.defaults.clone(),
+            rules: self.streams.rules.clone(),
+        }
+    }
+
+    /// For the server.
+    #[must_use]
+    pub fn server(&self) -> server::Options {
+        server::Options {
+            listen: self.listen,
+            internal_listen: self.internal_listen,
+            tls: self.tls.clone(),
+            auth: self.auth.clone(),
+            allowed_origins: self.http.allowed_origins.clone(),
+            max_memory_bytes: self.limits.memory_bytes,
+            max_connections: self.limits.connections,
+            max_connections_per_address: self.limits.connections_per_address,
+            max_subscribers: self.limits.subscribers_per_stream,
+            shutdown_grace: Duration::from_secs(self.shutdown_grace_secs),
+            max_body_bytes: self.limits.body_bytes,
+            header_timeout: Duration::from_secs(self.limits.header_timeout_secs),
+            body_timeout: Duration::from_secs(self.limits.body_timeout_secs),
+            send_timeout: Duration::from_secs(self.limits.send_timeout_secs),
+        }
+    }
+}
