@@ -86,6 +86,8 @@ pub struct RequestLimits {
     pub header_timeout_secs: u64,
     /// Seconds until a request's body must be complete.
     pub body_timeout_secs: u64,
+    /// Bytes that the operating system may hold for a connection that does not read.
+    pub send_buffer_bytes: usize,
     /// Seconds that a player may take to receive one message before it is disconnected.
     pub send_timeout_secs: u64,
 }
@@ -153,6 +155,7 @@ impl Default for RequestLimits {
             subscribers_per_stream: 1000,
             header_timeout_secs: 10,
             body_timeout_secs: 30,
+            send_buffer_bytes: 256 << 10,
             send_timeout_secs: 10,
         }
     }
@@ -165,7 +168,7 @@ impl Default for Streams {
             max: 64,
             queue_depth: 4,
             history: 300,
-            subscriber_queue: 8,
+            subscriber_queue: 30,
             linger_secs: 5,
             idle_timeout_secs: 3600,
             defaults: StreamConfig::default(),

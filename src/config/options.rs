@@ -56,6 +56,7 @@ impl Config {
             max_body_bytes: self.limits.body_bytes,
             header_timeout: Duration::from_secs(self.limits.header_timeout_secs),
             body_timeout: Duration::from_secs(self.limits.body_timeout_secs),
+            send_buffer_bytes: self.limits.send_buffer_bytes,
             send_timeout: Duration::from_secs(self.limits.send_timeout_secs),
         }
     }

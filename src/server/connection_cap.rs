@@ -117,6 +117,10 @@ impl<S: Send + 'static> Accept<TcpStream, S> for ConnectionCap {
                 Ok(guard) => {
                     // Frames are whole messages: waiting for more would only delay them.
                     stream.set_nodelay(true)?;
+                    // The default grows to megabytes, in which a slow player would fall behind
+                    // by minutes before anybody notices.
+                    let buffer = cap.app.options().send_buffer_bytes;
+                    socket2::SockRef::from(&stream).set_send_buffer_size(buffer)?;
                     let counted = Counted {
                         stream,
                         _guard: guard,

@@ -81,6 +81,8 @@ pub struct Options {
     pub header_timeout: Duration,
     /// How long a request's body may take.
     pub body_timeout: Duration,
+    /// Bytes that the operating system may hold for a connection that does not read.
+    pub send_buffer_bytes: usize,
     /// How long a player may take to receive one message.
     pub send_timeout: Duration,
 }

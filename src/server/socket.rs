@@ -82,8 +82,8 @@ pub(super) fn close_of(reason: EndReason) -> (u16, &'static str) {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NotSent;
 
-/// The way to one client. Each message is flushed before the next one is taken, so that what
-/// waits here is one message and the operating system's buffer.
+/// The way to one client. What waits here is a batch of messages at most, and what the operating
+/// system buffers.
 pub(super) struct Outgoing {
     sink: SplitSink<WebSocket, Message>,
     send_timeout: Duration,
@@ -95,9 +95,7 @@ impl Outgoing {
     }
 
     pub async fn say(&mut self, message: &impl Serialize) -> Result<(), NotSent> {
-        // Plain names and numbers always serialize.
-        let text = serde_json::to_string(message).map_err(|_| NotSent)?;
-        self.send(Message::Text(text.into())).await
+        self.send(text_of(message)?).await
     }
 
     pub async fn ping(&mut self) -> Result<(), NotSent> {
@@ -111,9 +109,33 @@ impl Outgoing {
     }
 
     pub async fn send(&mut self, message: Message) -> Result<(), NotSent> {
-        match timeout(self.send_timeout, self.sink.send(message)).await {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) | Err(_) => Err(NotSent),
-        }
+        self.feed(message).await?;
+        self.flush().await
+    }
+
+    /// Hands a message in that a later flush sends.
+    pub async fn feed(&mut self, message: Message) -> Result<(), NotSent> {
+        in_time(self.send_timeout, self.sink.feed(message)).await
+    }
+
+    pub async fn flush(&mut self) -> Result<(), NotSent> {
+        in_time(self.send_timeout, self.sink.flush()).await
+    }
+}
+
+/// A text message.
+pub(super) fn text_of(message: &impl Serialize) -> Result<Message, NotSent> {
+    // Plain names and numbers always serialize.
+    let text = serde_json::to_string(message).map_err(|_| NotSent)?;
+    Ok(Message::Text(text.into()))
+}
+
+async fn in_time(
+    patience: Duration,
+    sent: impl Future<Output = Result<(), axum::Error>>,
+) -> Result<(), NotSent> {
+    match timeout(patience, sent).await {
+        Ok(Ok(())) => Ok(()),
+        Ok(Err(_)) | Err(_) => Err(NotSent),
     }
 }

@@ -99,6 +99,15 @@ impl Subscription {
         }
     }
 
+    /// What comes next if it is there already. The end is left to [`Subscription::next`].
+    pub fn next_if_there(&mut self) -> Option<Delivery> {
+        // A paced reader's next frame is not there before its time.
+        if self.not_before.is_some() {
+            return None;
+        }
+        self.try_next()
+    }
+
     /// Like [`Subscription::next`], with at least `pace` between two frames: the newest one when
     /// its time has come. What lies between is not missed, for it was not wanted.
     ///
