@@ -7,6 +7,7 @@ mod config;
 mod evaluate;
 mod frame_files;
 mod frame_source;
+mod health;
 mod http_publisher;
 mod output_files;
 mod progress;
@@ -39,6 +40,8 @@ enum Command {
     Serve(serve::Arguments),
     /// Print all settings, or check a configuration file.
     Config(config::Arguments),
+    /// Whether a server is ready, by exit code.
+    Health(health::Arguments),
     /// Make a token and its hash.
     Token,
     /// Send frames to a stream, as a capture rig does.
@@ -59,6 +62,7 @@ pub fn run() -> ExitCode {
     let outcome = match command {
         Command::Serve(arguments) => serve::run(&arguments),
         Command::Config(arguments) => config::run(&arguments),
+        Command::Health(arguments) => health::run(&arguments),
         Command::Token => token::run(),
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Subscribe(arguments) => subscribe::run(&arguments),
