@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page
+.PHONY: demo test lint build page fuzz load
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -35,3 +35,13 @@ build:
 page:
 	npm --prefix web ci
 	npm --prefix web run build
+
+# Every parser of outside bytes, SECONDS each (60).
+fuzz:
+	scripts/install-dependencies build
+	scripts/fuzz $(SECONDS)
+
+# 500 players on one stream, 40 of them slow or stuck.
+load:
+	scripts/install-dependencies build
+	cargo run --release --example load

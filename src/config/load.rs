@@ -88,6 +88,18 @@ impl Config {
             .map_err(|errors| ConfigError::Setting(explain(errors)))
     }
 
+    /// Reads the text of a file, without the environment.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Setting`].
+    pub fn parse(text: &str) -> Result<Self, ConfigError> {
+        Figment::from(Serialized::defaults(Self::default()))
+            .merge(Toml::string(text))
+            .extract()
+            .map_err(|errors| ConfigError::Setting(explain(errors)))
+    }
+
     /// Checks what cannot be checked setting by setting.
     ///
     /// # Errors
@@ -183,10 +195,7 @@ mod tests {
     use steadymesh_proto::stream::StreamConfig;
 
     fn from_toml(text: &str) -> Result<Config, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("steadymesh.toml");
-        std::fs::write(&path, text).unwrap();
-        Config::load(Some(&path)).map_err(|error| error.to_string())
+        Config::parse(text).map_err(|error| error.to_string())
     }
 
     #[test]

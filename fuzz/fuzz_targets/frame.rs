@@ -1,0 +1,43 @@
+//! Any bytes as a frame, all the way through repair and simplification.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use steadymesh::pipeline::{PreparedFrame, RawFrame, Settings, TargetSize, process};
+use steadymesh_mesh_io::{Limits, read, sniff};
+
+const LIMITS: Limits = Limits {
+    max_vertices: 2_000,
+    max_faces: 4_000,
+    max_memory_bytes: 16 << 20,
+};
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some(format) = sniff(bytes) else { return };
+    let Ok(mesh) = read(bytes, format, &LIMITS) else {
+        return;
+    };
+    let raw = RawFrame {
+        positions: mesh.positions,
+        faces: mesh.faces,
+        byte_count: bytes.len(),
+    };
+    let Ok(frame) = PreparedFrame::new(raw, &mut ()) else {
+        return;
+    };
+    let settings = Settings {
+        target: TargetSize::Ratio(0.3),
+        ..Settings::default()
+    };
+    // A frame that has passed the edge comes out, whatever its shape.
+    let first = process(&frame, None, &settings, &mut ()).unwrap();
+    assert!(
+        first
+            .mesh
+            .positions()
+            .iter()
+            .all(|p| p.coords.iter().all(|c| c.is_finite()))
+    );
+    let second = process(&frame, Some(&frame), &settings, &mut ()).unwrap();
+    assert!(second.mesh.face_count() <= frame.mesh().face_count());
+});
