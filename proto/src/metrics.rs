@@ -25,7 +25,7 @@ pub struct FrameMetrics {
     pub capture_time_us: Option<u64>,
     /// How it was simplified: `off` for a first frame and where registration failed.
     pub tracking: Tracking,
-    /// The frame that was registered onto it; none for the first frame.
+    /// The frame that was registered onto it; none where none was.
     pub reference_seq: Option<u64>,
     /// What came in.
     pub input: Input,

@@ -4,7 +4,7 @@ use std::time::{Duration, SystemTime};
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -57,6 +57,11 @@ impl App {
         Ok(Access {
             expires: grant.expires,
         })
+    }
+
+    /// Whether everybody may do everything.
+    pub fn is_open(&self) -> bool {
+        self.options().auth.is_open()
     }
 
     /// What a credential opens; none if everything is open.
@@ -128,5 +133,10 @@ pub(super) async fn post_ticket(
     })?;
     let expires_in = TICKET_LIFETIME.as_secs();
     let answer = Json(TicketAnswer { ticket, expires_in });
-    Ok((StatusCode::CREATED, answer).into_response())
+    Ok((
+        StatusCode::CREATED,
+        [(header::CACHE_CONTROL, "no-store")],
+        answer,
+    )
+        .into_response())
 }

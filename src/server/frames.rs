@@ -80,7 +80,9 @@ pub(super) async fn get_frame(
     );
     let cache = match which {
         Which::Latest => "no-cache".to_owned(),
-        Which::Number(_) => format!("public, max-age={MAX_AGE_SECS}"),
+        // What a token opened is nobody else's.
+        Which::Number(_) if app.is_open() => format!("public, max-age={MAX_AGE_SECS}"),
+        Which::Number(_) => format!("private, max-age={MAX_AGE_SECS}"),
     };
     let location = format!("/v1/streams/{name}/frames/{seq}.{}", format.extension());
     let common = [

@@ -27,6 +27,9 @@ const TYPES: &str = "model/obj, model/ply, model/gltf-binary, application/vnd.dr
                      application/vnd.steadymesh.frame, or application/octet-stream to let the \
                      server find out";
 
+/// 2^53 - 1, the largest number that players in every language can tell from its neighbours.
+const MAX_NUMBER: u64 = (1 << 53) - 1;
+
 /// What a rig may say about a frame beside its mesh.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -166,21 +169,30 @@ pub(super) fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
     })
 }
 
-/// A native frame says itself which one it is; the query has the last word.
+/// A native frame says itself which one it is; what is said beside it has the last word.
 pub(super) fn with_native_stamps(
     stamps: Stamps,
     format: Format,
     bytes: &Bytes,
 ) -> Result<Stamps, Problem> {
-    if format != Format::Native || bytes.is_empty() {
-        return Ok(stamps);
+    let mut stamps = stamps;
+    if format == Format::Native && !bytes.is_empty() {
+        let own = NativeFrame::stamps(bytes);
+        let own = own.map_err(|error| Refused::from(ReadError::from(error)))?;
+        stamps.seq = stamps.seq.or(own.seq);
+        stamps.capture_time_us = stamps.capture_time_us.or(own.capture_time_us);
     }
-    let own = NativeFrame::stamps(bytes).map_err(|error| Refused::from(ReadError::from(error)))?;
-    Ok(Stamps {
-        seq: stamps.seq.or(own.seq),
-        capture_time_us: stamps.capture_time_us.or(own.capture_time_us),
-        ..stamps
-    })
+    for (name, value) in [
+        ("seq", stamps.seq),
+        ("capture_time_us", stamps.capture_time_us),
+    ] {
+        if value.is_some_and(|value| MAX_NUMBER < value) {
+            return Err(Problem::bad_request(format!(
+                "{name} is over {MAX_NUMBER}, beyond which a JavaScript player cannot count"
+            )));
+        }
+    }
+    Ok(stamps)
 }
 
 /// 202 at once, or 200 with the frame's metrics once it is out.

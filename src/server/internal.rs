@@ -18,6 +18,9 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/livez", get(alive))
         .route("/readyz", get(ready))
         .fallback(async || Problem::not_found("there are /metrics, /livez and /readyz"))
+        .method_not_allowed_fallback(async || {
+            Problem::method_not_allowed("these addresses answer to GET")
+        })
         .with_state(app)
 }
 

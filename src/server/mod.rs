@@ -8,6 +8,7 @@ pub mod auth;
 mod body;
 mod connection_cap;
 mod control;
+mod description;
 mod error;
 mod extract;
 mod frames;

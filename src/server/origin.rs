@@ -49,6 +49,8 @@ pub(super) fn cors(app: Arc<App>) -> CorsLayer {
             header::ETAG,
             header::LOCATION,
             header::RETRY_AFTER,
+            header::WWW_AUTHENTICATE,
+            HeaderName::from_static("preference-applied"),
         ])
 }
 

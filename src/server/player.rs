@@ -1,12 +1,11 @@
 //! The page that shows streams, embedded in the binary.
 
-use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 
 use super::error::Problem;
-use super::extract::Name;
+use super::extract::{File, Name};
 use super::frames::is_current;
 
 /// What `npm run build` makes. A binary that was built without it says so instead.
@@ -34,7 +33,7 @@ pub(super) async fn watch(name: Result<Name, Problem>, headers: HeaderMap) -> Re
 }
 
 /// `GET /assets/{file}`: names contain a hash of the content.
-pub(super) async fn asset(Path(file): Path<String>, headers: HeaderMap) -> Response {
+pub(super) async fn asset(File(file): File, headers: HeaderMap) -> Response {
     file_response(
         &format!("assets/{file}"),
         "public, max-age=31536000, immutable",
@@ -43,7 +42,7 @@ pub(super) async fn asset(Path(file): Path<String>, headers: HeaderMap) -> Respo
 }
 
 /// `GET /draco/{file}`: the decoder, whose names stay the same.
-pub(super) async fn decoder(Path(file): Path<String>, headers: HeaderMap) -> Response {
+pub(super) async fn decoder(File(file): File, headers: HeaderMap) -> Response {
     file_response(&format!("draco/{file}"), "no-cache", &headers)
 }
 

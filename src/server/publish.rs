@@ -101,6 +101,7 @@ async fn serve(
         messages: 0,
         credit: 0,
         stamps: Stamps::default(),
+        is_rejected: false,
         answers: FuturesUnordered::new(),
     };
     let farewell = connection.run(&mut incoming).await;
@@ -134,6 +135,8 @@ struct Connection<'a> {
     credit: u64,
     /// What has been said about the next frame.
     stamps: Stamps,
+    /// Whether the next frame has been rejected already, for what was said about it.
+    is_rejected: bool,
     /// Answers that are being waited for: at most two a frame that is in the stream.
     answers: FuturesUnordered<BoxFuture<'static, Answer>>,
 }
@@ -198,8 +201,10 @@ impl Connection<'_> {
                     self.stamps = Stamps::new(seq, capture_time_us);
                     Ok(())
                 }
+                // It was about the next frame, which is therefore not what it was to be.
+                Err(_) if self.is_rejected => Ok(()),
                 Err(error) => {
-                    // It was about the next frame, which is therefore not what it was to be.
+                    self.is_rejected = true;
                     let problem = Problem::bad_request(format!("the text message: {error}"));
                     self.reject(self.messages, problem).await
                 }
@@ -208,6 +213,9 @@ impl Connection<'_> {
                 let number = self.messages;
                 self.messages += 1;
                 let stamps = std::mem::take(&mut self.stamps);
+                if std::mem::take(&mut self.is_rejected) {
+                    return Ok(());
+                }
                 match self.hand_in(stamps, bytes) {
                     Ok(ticket) => {
                         self.answers.push(Box::pin(accepted(number, ticket)));

@@ -13,7 +13,9 @@ use tower_http::trace::TraceLayer;
 use tracing::Span;
 
 use super::error::Problem;
-use super::{App, access, control, frames, ingest, origin, player, publish, subscribe};
+use super::{
+    App, access, control, description, frames, ingest, origin, player, publish, subscribe,
+};
 
 /// Requests are numbered, so that the lines of one can be found.
 static NEXT_REQUEST: AtomicU64 = AtomicU64::new(1);
@@ -32,6 +34,7 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/watch/{stream}", get(player::watch))
         .route("/assets/{file}", get(player::asset))
         .route("/draco/{file}", get(player::decoder))
+        .route("/v1/openapi.json", get(description::get_description))
         .route("/v1/tickets", post(access::post_ticket))
         .route("/v1/streams", get(control::list_streams))
         .route("/v1/streams/{stream}", stream)

@@ -33,6 +33,8 @@ pub struct Subscription {
     /// The newest frame, to be sent after the reader has been told what it missed.
     pending: Option<Arc<Delivered>>,
     max_behind: u64,
+    /// Whether there was no frame yet when it began, so that the first one is its first too.
+    from_first: bool,
     /// When a paced reader is due its next frame.
     not_before: Option<Instant>,
 }
@@ -72,6 +74,7 @@ impl Subscription {
         Self {
             position: stream.watch(),
             not_before: None,
+            from_first: stream.newest().is_none(),
             stream,
             last: None,
             pending: None,
@@ -147,7 +150,10 @@ impl Subscription {
         let (next, newest) = self.stream.frames_after(self.last.as_ref())?;
         let missed = match &self.last {
             // A newcomer starts with the newest frame and has missed nothing.
-            None => return Some(self.deliver(newest)),
+            None => {
+                let first = if self.from_first { next } else { newest };
+                return Some(self.deliver(first));
+            }
             Some(last) => {
                 let behind = newest.frames_since(last);
                 let forgotten = next.frames_since(last);

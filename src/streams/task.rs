@@ -210,9 +210,11 @@ impl Task {
                 return false;
             }
         };
-        let seq = read
-            .seq
-            .unwrap_or_else(|| state.latest_seq.map_or(0, |latest| latest + 1));
+        let seq = read.seq.unwrap_or_else(|| {
+            state
+                .latest_seq
+                .map_or(0, |latest| latest.saturating_add(1))
+        });
         state.latest_seq = Some(seq);
         let overload = self.stream.configured().overload;
         if overload == Overload::Live && self.queue_depth <= state.waiting.len() {

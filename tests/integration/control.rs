@@ -65,6 +65,7 @@ async fn a_configuration_that_makes_no_sense_is_refused_by_name() {
         (r#"{"target_faces": 300, "target_ratio": 0.5}"#, "both"),
         (r#"{"draco": {"position_bits": 31}}"#, "position_bits is 31"),
         ("target_faces=300", "document"),
+        ("[300]", "object is expected"),
     ] {
         let response = server.client.put(&url).body(config).send().await.unwrap();
         assert_eq!(response.status(), StatusCode::BAD_REQUEST, "{config}");

@@ -132,6 +132,33 @@ async fn a_number_that_comes_again_does_nothing_and_one_that_goes_back_is_refuse
 }
 
 #[tokio::test]
+async fn a_number_that_not_every_player_can_count_to_is_refused() {
+    let server = start().await;
+    let body = frames(1).remove(0);
+    let url = server.url("/v1/streams/demo/frames?seq=18446744073709551615");
+    let response = server
+        .client
+        .post(url)
+        .body(body.clone())
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(response.status(), StatusCode::BAD_REQUEST);
+    let url = server.url("/v1/streams/demo/frames?seq=9007199254740991");
+    let last = server
+        .client
+        .post(url)
+        .body(body.clone())
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(last.status(), StatusCode::ACCEPTED);
+    // There is nowhere to go from there, and nothing breaks.
+    let response = server.post("demo", body).send().await.unwrap();
+    assert!(response.status().is_client_error() || response.status().is_success());
+}
+
+#[tokio::test]
 async fn a_full_queue_answers_429_and_loses_nothing() {
     let server = start_with(|config| {
         config.streams.queue_depth = 1;

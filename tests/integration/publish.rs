@@ -194,9 +194,18 @@ async fn a_text_message_numbers_the_frame_after_it() {
     assert_eq!(metrics["capture_time_us"], 123);
     rig.say(json!({"type": "frame", "seqq": 40})).await;
     let ack = rig.ack().await;
+    assert_eq!(ack["message"], 2);
     assert!(
         ack["problem"]["detail"].as_str().unwrap().contains("seqq"),
         "{ack}"
+    );
+    // The frame that it was about is not taken, and not answered twice; the next one is.
+    rig.send(frames(1).remove(0)).await;
+    rig.send(frames(1).remove(0)).await;
+    let ack = rig.ack().await;
+    assert_eq!(
+        (&ack["message"], &ack["state"]),
+        (&json!(3), &json!("accepted"))
     );
 }
 

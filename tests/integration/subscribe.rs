@@ -40,6 +40,26 @@ async fn a_late_player_gets_a_hello_the_latest_frame_and_then_every_frame() {
 }
 
 #[tokio::test]
+async fn a_player_that_is_there_before_the_first_frame_gets_that_one_too() {
+    let server = start().await;
+    server
+        .client
+        .put(server.url("/v1/streams/demo"))
+        .body("{}")
+        .send()
+        .await
+        .unwrap();
+    let mut player = server.subscribe("demo").await;
+    assert_eq!(player.control().await["latest_seq"], json!(null));
+    for body in frames(3) {
+        server.post("demo", body).send().await.unwrap();
+    }
+    for seq in 0..3 {
+        assert_eq!(player.frame().await.0.seq, seq);
+    }
+}
+
+#[tokio::test]
 async fn a_player_that_is_too_slow_is_taken_to_the_newest_frame_and_told() {
     let server = start_with(|config| {
         config.streams.subscriber_queue = 2;
