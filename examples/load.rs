@@ -71,6 +71,7 @@ struct Seen {
 }
 
 fn main() {
+    steadymesh::tls::set_up();
     let arguments = Arguments::parse();
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()

@@ -9,3 +9,4 @@ pub mod server;
 pub mod stopwatch;
 pub mod streams;
 pub mod telemetry;
+pub mod tls;

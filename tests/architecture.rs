@@ -19,6 +19,7 @@ const MAY_USE: [(&str, &[&str]); 7] = [
             "stopwatch",
             "streams",
             "telemetry",
+            "tls",
         ],
     ),
     ("config", &["compute", "server", "streams", "telemetry"]),

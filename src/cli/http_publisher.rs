@@ -7,7 +7,7 @@ use reqwest::{Client, Response, StatusCode, header};
 use steadymesh_proto::stream::{Accepted, Problem};
 
 use super::frame_source::SourceFrame;
-use super::stream_url::StreamUrl;
+use super::remote::Remote;
 use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
@@ -34,11 +34,10 @@ pub(super) struct HttpPublisher {
 }
 
 impl HttpPublisher {
-    pub fn new(url: &StreamUrl) -> anyhow::Result<Self> {
-        let client = Client::builder().timeout(PATIENCE).build()?;
+    pub fn new(remote: &Remote) -> anyhow::Result<Self> {
         Ok(Self {
-            client,
-            frames: url.under("frames"),
+            client: remote.http_client()?,
+            frames: remote.url.under("frames"),
             next_seq: None,
         })
     }

@@ -12,6 +12,7 @@ mod http_publisher;
 mod output_files;
 mod progress;
 mod publish;
+mod remote;
 mod serve;
 mod simplify;
 mod stream_url;
@@ -57,6 +58,7 @@ enum Command {
 /// Runs the command that the process was started with.
 #[must_use]
 pub fn run() -> ExitCode {
+    crate::tls::set_up();
     // Wrong usage ends here, with exit code 2.
     let Cli { command } = Cli::parse();
     let outcome = match command {

@@ -12,13 +12,13 @@ use tokio::time::{MissedTickBehavior, interval};
 use super::frame_source::{FrameSource, SourceFrame};
 use super::http_publisher::{HttpPublisher, Sent};
 use super::progress::counter;
-use super::stream_url::StreamUrl;
+use super::remote::{Remote, RemoteArguments};
 use super::websocket_publisher::WebSocketPublisher;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`.
-    url: String,
+    #[command(flatten)]
+    remote: RemoteArguments,
     #[command(flatten)]
     source: SourceArguments,
     /// Frames per second.
@@ -70,7 +70,7 @@ struct Tally {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let url = StreamUrl::parse(&arguments.url)?;
+    let remote = Remote::new(&arguments.remote)?;
     let source = if arguments.source.synthetic {
         FrameSource::synthetic(&Options {
             vertex_count: arguments.vertices,
@@ -83,24 +83,24 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
-    runtime.block_on(publish(arguments, &url, &source))
+    runtime.block_on(publish(arguments, &remote, &source))
 }
 
 async fn publish(
     arguments: &Arguments,
-    url: &StreamUrl,
+    remote: &Remote,
     source: &FrameSource,
 ) -> anyhow::Result<()> {
     super::say(&format!(
         "publishing to {}, to be watched at {}",
-        url.name(),
-        url.page()
+        remote.url.name(),
+        remote.url.page()
     ));
     let started = Instant::now();
     let mut tally = Tally::default();
     let progress = counter();
     let outcome = tokio::select! {
-        outcome = send_all(arguments, url, source, &mut tally, &progress) => outcome,
+        outcome = send_all(arguments, remote, source, &mut tally, &progress) => outcome,
         // Asked to stop, which is the usual end of a rig that loops.
         signal = super::interrupted() => signal,
     };
@@ -127,14 +127,14 @@ async fn publish(
 
 async fn send_all(
     arguments: &Arguments,
-    url: &StreamUrl,
+    remote: &Remote,
     source: &FrameSource,
     tally: &mut Tally,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
     let mut publisher = match arguments.transport {
-        Transport::Http => Publisher::Http(HttpPublisher::new(url)?),
-        Transport::Ws => Publisher::WebSocket(Box::new(WebSocketPublisher::connect(url).await?)),
+        Transport::Http => Publisher::Http(HttpPublisher::new(remote)?),
+        Transport::Ws => Publisher::WebSocket(Box::new(WebSocketPublisher::connect(remote).await?)),
     };
     let mut pace = interval(Duration::from_secs_f64(1.0 / arguments.fps));
     // A frame that comes late is not made up for: the server would get a burst.

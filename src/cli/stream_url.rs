@@ -23,9 +23,9 @@ impl StreamUrl {
         let mut server = Url::parse(text).with_context(|| {
             format!("{text:?} is not the address of a stream, such as http://127.0.0.1:8080/v1/streams/demo")
         })?;
-        if server.scheme() != "http" {
+        if !matches!(server.scheme(), "http" | "https") {
             bail!(
-                "{text:?} begins with {}://, but only http:// is spoken",
+                "{text:?} begins with {}://, not with http:// or https://",
                 server.scheme()
             );
         }

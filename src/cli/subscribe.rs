@@ -7,19 +7,17 @@ use anyhow::{Context, bail};
 use clap::Args;
 use futures_util::StreamExt;
 use indicatif::ProgressBar;
-use steadymesh_proto::stream::{ControlMessage, Problem};
-use steadymesh_proto::{DeliveredFrame, SUBPROTOCOL};
-use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::tungstenite::http::HeaderValue;
-use tokio_tungstenite::tungstenite::{Error, Message};
+use steadymesh_proto::DeliveredFrame;
+use steadymesh_proto::stream::ControlMessage;
+use tokio_tungstenite::tungstenite::Message;
 
 use super::progress::counter;
-use super::stream_url::StreamUrl;
+use super::remote::{Remote, RemoteArguments};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`.
-    url: String,
+    #[command(flatten)]
+    remote: RemoteArguments,
     /// The folder for frames (`000041.drc`) and `metrics.jsonl`; made if it does not exist.
     /// Without it, the metrics go to standard output.
     #[arg(long, value_name = "DIR")]
@@ -37,7 +35,7 @@ struct Output {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let url = StreamUrl::parse(&arguments.url)?;
+    let remote = Remote::new(&arguments.remote)?;
     let mut output = Output::open(arguments.output.as_deref())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -45,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let progress = counter();
     let outcome = runtime.block_on(async {
         tokio::select! {
-            outcome = receive(&url, arguments.frames, &mut output, &progress) => outcome,
+            outcome = receive(&remote, arguments.frames, &mut output, &progress) => outcome,
             signal = super::interrupted() => signal,
         }
     });
@@ -59,19 +57,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 async fn receive(
-    url: &StreamUrl,
+    remote: &Remote,
     limit: Option<u64>,
     output: &mut Output,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
-    let address = url.websocket_under("subscribe");
-    let mut request = address.as_str().into_client_request()?;
-    let protocol = HeaderValue::from_static(SUBPROTOCOL);
-    request
-        .headers_mut()
-        .insert("Sec-WebSocket-Protocol", protocol);
-    let connected = tokio_tungstenite::connect_async(request).await;
-    let (mut socket, _) = connected.map_err(|error| explain(error, &address))?;
+    let mut socket = remote.connect("subscribe").await?;
     while limit.is_none_or(|limit| progress.position() < limit) {
         let Some(message) = socket.next().await else {
             bail!("the connection ended without a farewell");
@@ -101,20 +92,6 @@ async fn receive(
     // Said so that the server need not find out.
     socket.close(None).await.ok();
     Ok(())
-}
-
-/// The server's own words where it has some.
-pub(super) fn explain(error: Error, address: &str) -> anyhow::Error {
-    if let Error::Http(response) = &error {
-        let body = response.body().as_deref().unwrap_or_default();
-        let detail = serde_json::from_slice::<Problem>(body).map(|problem| problem.detail);
-        let status = response.status();
-        return anyhow::anyhow!(
-            "the server answers {status}: {}",
-            detail.unwrap_or_default()
-        );
-    }
-    anyhow::Error::new(error).context(format!("{address} cannot be reached"))
 }
 
 impl Output {

@@ -5,18 +5,12 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
 use futures_util::{FutureExt, SinkExt, StreamExt};
-use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{FrameState, PublishReply, PublisherMessage};
-use tokio::net::TcpStream;
 use tokio::time::timeout;
-use tokio_tungstenite::tungstenite::client::IntoClientRequest;
-use tokio_tungstenite::tungstenite::http::HeaderValue;
 use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 
 use super::frame_source::SourceFrame;
-use super::stream_url::StreamUrl;
-use super::subscribe::explain;
+use super::remote::{Remote, Socket};
 use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
@@ -37,9 +31,9 @@ pub(super) struct Progress {
 
 /// A publisher of one stream.
 pub(super) struct WebSocketPublisher {
-    url: StreamUrl,
+    remote: Remote,
     session: Option<String>,
-    socket: WebSocketStream<MaybeTlsStream<TcpStream>>,
+    socket: Socket,
     /// Frames sent on this connection.
     messages: u64,
     credit: u64,
@@ -62,10 +56,10 @@ impl WebSocketPublisher {
     /// # Errors
     ///
     /// If the server cannot be reached or refuses.
-    pub async fn connect(url: &StreamUrl) -> anyhow::Result<Self> {
-        let socket = open(url, None).await?;
+    pub async fn connect(remote: &Remote) -> anyhow::Result<Self> {
+        let socket = remote.connect("publish").await?;
         let mut publisher = Self {
-            url: url.clone(),
+            remote: remote.clone(),
             session: None,
             socket,
             messages: 0,
@@ -213,7 +207,12 @@ impl WebSocketPublisher {
         let (started, mut delay) = (Instant::now(), FIRST_RETRY);
         let latest = loop {
             self.progress.waits += 1;
-            match open(&self.url, self.session.as_deref()).await {
+            let session = self.session.as_deref().unwrap_or_default();
+            match self
+                .remote
+                .connect(&format!("publish?session={session}"))
+                .await
+            {
                 Ok(socket) => {
                     self.socket = socket;
                     self.messages = 0;
@@ -259,22 +258,4 @@ impl WebSocketPublisher {
             _ => bail!("the server does not welcome a publisher"),
         }
     }
-}
-
-async fn open(
-    url: &StreamUrl,
-    session: Option<&str>,
-) -> anyhow::Result<WebSocketStream<MaybeTlsStream<TcpStream>>> {
-    let mut address = url.websocket_under("publish");
-    if let Some(session) = session {
-        address = format!("{address}?session={session}");
-    }
-    let mut request = address.as_str().into_client_request()?;
-    let protocol = HeaderValue::from_static(SUBPROTOCOL);
-    request
-        .headers_mut()
-        .insert("Sec-WebSocket-Protocol", protocol);
-    let connected = timeout(PATIENCE, tokio_tungstenite::connect_async(request)).await;
-    let connected = connected.with_context(|| format!("{address} does not answer"))?;
-    Ok(connected.map_err(|error| explain(error, &address))?.0)
 }

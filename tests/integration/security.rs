@@ -298,6 +298,56 @@ async fn connections_over_the_limit_are_told_so_and_others_go_on() {
     panic!("the places of closed connections are not given back");
 }
 
+/// A certificate for 127.0.0.1 and its key, written where the server looks for them.
+fn write_certificate(folder: &std::path::Path) -> reqwest::Certificate {
+    let made = rcgen::generate_simple_self_signed(vec!["127.0.0.1".to_owned()]).unwrap();
+    std::fs::write(folder.join("chain.pem"), made.cert.pem()).unwrap();
+    std::fs::write(folder.join("key.pem"), made.signing_key.serialize_pem()).unwrap();
+    reqwest::Certificate::from_pem(made.cert.pem().as_bytes()).unwrap()
+}
+
+fn trusting(certificate: reqwest::Certificate) -> reqwest::Client {
+    reqwest::Client::builder()
+        .tls_certs_only([certificate])
+        .build()
+        .unwrap()
+}
+
+#[tokio::test]
+async fn tls_is_spoken_and_a_new_certificate_is_taken_without_dropping_a_connection() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = write_certificate(folder.path());
+    let mut config = Config::default();
+    let server = start_with(|own| {
+        own.tls = Some(steadymesh::server::TlsOptions {
+            certificate_file: folder.path().join("chain.pem"),
+            key_file: folder.path().join("key.pem"),
+        });
+        config = own.clone();
+    })
+    .await;
+    let url = server.url("/v1/streams").replacen("http", "https", 1);
+    let old = trusting(first);
+    assert_eq!(old.get(&url).send().await.unwrap().status(), StatusCode::OK);
+    let second = write_certificate(folder.path());
+    server.server.reload(config.server()).await.unwrap();
+    assert_eq!(
+        trusting(second).get(&url).send().await.unwrap().status(),
+        StatusCode::OK
+    );
+    // The connection that is there goes on; a new one would not trust the new certificate.
+    assert_eq!(old.get(&url).send().await.unwrap().status(), StatusCode::OK);
+
+    std::fs::write(folder.path().join("key.pem"), "not a key").unwrap();
+    let error = server
+        .server
+        .reload(config.server())
+        .await
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("key.pem"), "{error}");
+}
+
 #[tokio::test]
 async fn players_over_the_limit_are_told_so() {
     let server = start_with(|config| config.limits.subscribers_per_stream = 1).await;

@@ -35,6 +35,7 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
         internal_listen: anywhere,
         ..Config::default()
     };
+    steadymesh::tls::set_up();
     config.streams.defaults.target_faces = Some(400);
     change(&mut config);
     config.check().unwrap();
