@@ -205,9 +205,6 @@ impl Run {
         // The frame's own quadrics add up; the reference's are gathered anew for every edge.
         let merged = self.quadrics[a as usize] + self.quadrics[b as usize];
         self.quadrics[a as usize] = merged;
-        if let Some(reference) = &mut self.reference {
-            reference.forget(a);
-        }
         self.versions[a as usize] += 1;
         self.versions[b as usize] += 1;
         self.collapses += 1;

@@ -60,6 +60,22 @@ impl Quadric {
         }
     }
 
+    /// All ten coefficients: A's, b's and c.
+    pub(super) fn coefficients(&self) -> [f64; 10] {
+        let ([xx, xy, xz, yy, yz, zz], b) = (self.a, self.b);
+        [xx, xy, xz, yy, yz, zz, b.x, b.y, b.z, self.c]
+    }
+
+    /// The quadric that has these [`coefficients`](Self::coefficients).
+    pub(super) fn from_coefficients(coefficients: [f64; 10]) -> Self {
+        let [xx, xy, xz, yy, yz, zz, x, y, z, c] = coefficients;
+        Self {
+            a: [xx, xy, xz, yy, yz, zz],
+            b: Vector::new(x, y, z),
+            c,
+        }
+    }
+
     /// Δ(v), not below zero.
     #[must_use]
     pub fn cost(&self, v: &Point) -> f64 {

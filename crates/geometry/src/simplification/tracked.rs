@@ -10,19 +10,26 @@ use super::Quadric;
 pub(super) struct Reference {
     tree: PointTree,
     /// In the tree's order.
-    quadrics: Vec<Quadric>,
-    /// For every vertex of the current mesh, what the last search around it found.
+    terms: Vec<Terms>,
+    /// For every vertex of the current mesh, the last search around it.
     neighborhoods: Vec<Neighborhood>,
+    /// Kept for its allocation.
+    slots: Vec<u32>,
 }
 
-/// The reference's vertices around a place, nearest first.
-#[derive(Clone, Default)]
+/// Where a search went, and the quads of the tree that it found. As long as all that is asked
+/// for lies within, there is no need for another.
+#[derive(Clone)]
 struct Neighborhood {
-    /// How far the search went; 0 if there was none.
+    center: Point,
+    /// Below 0 if there was no search.
     radius: f64,
-    /// Squared distance and slot in the tree.
-    found: Vec<(f64, u32)>,
+    quads: Vec<u32>,
 }
+
+/// What a vertex adds, to be added up in one go: the coefficients of its quadric, its position
+/// and 1.
+type Terms = [f64; 14];
 
 /// What the reference adds to one edge: Q_δ(1) + Q_δ(2), and the barycenter m_δ if there is one.
 pub(super) struct Tracked {
@@ -30,8 +37,9 @@ pub(super) struct Tracked {
     pub barycenter: Option<Point>,
 }
 
-/// How much further than asked a search goes: edges get longer, and the next one asks for more.
-const SEARCH_MARGIN: f64 = 1.1;
+/// How much further than asked a search goes: vertices move, edges get longer, and the next one
+/// asks for more. Tuned on captures.
+const SEARCH_MARGIN: f64 = 1.3;
 
 impl Reference {
     /// The quadrics of `mesh`, over `positions` in the units of the simplification, for a current
@@ -39,16 +47,23 @@ impl Reference {
     pub fn new(mesh: &TriangleMesh, positions: &[Point], vertex_count: usize) -> Option<Self> {
         let tree = PointTree::new(positions)?;
         let quadrics = vertex_quadrics(mesh, positions);
+        let terms_of = |&vertex: &u32| {
+            let mut terms = [1.0; 14];
+            terms[..10].copy_from_slice(&quadrics[vertex as usize].coefficients());
+            terms[10..13].copy_from_slice(positions[vertex as usize].coords.as_slice());
+            terms
+        };
+        let nowhere = Neighborhood {
+            center: Point::origin(),
+            radius: -1.0,
+            quads: Vec::new(),
+        };
         Some(Self {
-            quadrics: tree.items().iter().map(|&v| quadrics[v as usize]).collect(),
+            terms: tree.items().iter().map(terms_of).collect(),
             tree,
-            neighborhoods: vec![Neighborhood::default(); vertex_count],
+            neighborhoods: vec![nowhere; vertex_count],
+            slots: Vec::new(),
         })
-    }
-
-    /// A vertex of the current mesh has moved.
-    pub fn forget(&mut self, vertex: u32) {
-        self.neighborhoods[vertex as usize].radius = 0.0;
     }
 
     /// Gathers the reference around the edge between `v1` and `v2`.
@@ -58,58 +73,57 @@ impl Reference {
     /// neighborhoods' means (Eq. 16), or that of the only one that is not empty.
     pub fn around_edge(&mut self, edge: Edge, v1: &Point, v2: &Point) -> Tracked {
         let square = (v2 - v1).norm_squared();
-        let mut quadric = Quadric::default();
         let [first, second] = [(edge.0, v1), (edge.1, v2)].map(|(vertex, endpoint)| {
-            self.search(vertex, endpoint, (square, SEARCH_MARGIN));
-            self.add_within(vertex, square, &mut quadric)
+            self.prepare(vertex, endpoint, square);
+            self.sum_within(vertex, endpoint, square)
         });
-        let barycenter = match (first, second) {
+        let barycenter = match (mean_position(&first), mean_position(&second)) {
             (Some(first), Some(second)) => Some(nalgebra::center(&first, &second)),
             (one, other) => one.or(other),
         };
+        let coefficients = std::array::from_fn(|term| first[term] + second[term]);
         Tracked {
-            quadric,
+            quadric: Quadric::from_coefficients(coefficients),
             barycenter,
         }
     }
 
-    /// Searches around a vertex all of whose edges are known, the longest of them by its square.
-    pub fn prepare(&mut self, vertex: u32, position: &Point, longest_square: f64) {
-        self.search(vertex, position, (longest_square, 1.0 + 1e-9));
-    }
-
-    /// Searches around a vertex and a little further than asked, unless the last search went far
-    /// enough.
-    fn search(&mut self, vertex: u32, position: &Point, (square, margin): (f64, f64)) {
+    /// Searches around a vertex, at least as far as asked by the square of the radius, unless
+    /// the last search covers that.
+    pub fn prepare(&mut self, vertex: u32, position: &Point, square: f64) {
         let neighborhood = &mut self.neighborhoods[vertex as usize];
-        if square <= neighborhood.radius * neighborhood.radius {
+        let margin = neighborhood.radius - (position - neighborhood.center).norm();
+        // Rounding is far below what the tree's search is generous by.
+        if 0.0 <= margin && square <= margin * margin {
             return;
         }
-        neighborhood.radius = margin * square.sqrt();
-        let found = &mut neighborhood.found;
-        found.clear();
+        neighborhood.center = *position;
+        neighborhood.radius = SEARCH_MARGIN * square.sqrt();
         self.tree
-            .visit_within(position, neighborhood.radius, |slot, square| {
-                found.push((square, slot));
-            });
-        // Squares are not negative, so that their bits are in their order.
-        found.sort_unstable_by_key(|(square, _)| square.to_bits());
+            .quads_around(position, neighborhood.radius, &mut neighborhood.quads);
     }
 
-    /// Adds the quadrics around a vertex, and returns the mean of the places they belong to.
-    fn add_within(&self, vertex: u32, square: f64, quadric: &mut Quadric) -> Option<Point> {
-        let mut sum = Vector::zeros();
-        let mut count = 0;
-        for (distance, slot) in &self.neighborhoods[vertex as usize].found {
-            if square <= *distance {
-                break;
-            }
-            *quadric += self.quadrics[*slot as usize];
-            sum += self.tree.point(*slot).coords;
-            count += 1;
+    /// What the vertices closer to `vertex` than asked, by the square of the distance, add.
+    fn sum_within(&mut self, vertex: u32, position: &Point, square: f64) -> Terms {
+        let quads = &self.neighborhoods[vertex as usize].quads;
+        let count = self
+            .tree
+            .slots_within(position, square, quads, &mut self.slots);
+        let mut sum = [0.0; 14];
+        for &slot in &self.slots[..count] {
+            let terms = &self.terms[slot as usize];
+            sum.iter_mut()
+                .zip(terms)
+                .for_each(|(sum, term)| *sum += term);
         }
-        (0 < count).then(|| Point::from(sum / f64::from(count)))
+        sum
     }
+}
+
+/// The mean of the places that were added up, if there are any.
+fn mean_position(sum: &Terms) -> Option<Point> {
+    let [.., x, y, z, count] = *sum;
+    (0.0 < count).then(|| Point::from(Vector::new(x, y, z) / count))
 }
 
 /// Q_v of every vertex: the planes of the faces around it, each with weight 1 (Eq. 5). Faces

@@ -77,9 +77,16 @@ struct Entry {
 impl BoxTree {
     /// A tree over `count` items, at least one and fewer than 2^31, whose boxes are finite.
     pub fn new(count: usize, bounds_of: impl Fn(u32) -> Bounds) -> Self {
+        Self::of_groups(count, 1, bounds_of)
+    }
+
+    /// The same over groups of `group_size` items that are close to each other: the numbers that
+    /// a walk visits are those of groups, and a group's items are next to each other.
+    pub fn of_groups(count: usize, group_size: usize, bounds_of: impl Fn(u32) -> Bounds) -> Self {
+        let group_count = count.div_ceil(group_size);
         let mut capacity = WIDTH;
         let mut upper_nodes = 0;
-        while capacity < count {
+        while capacity < group_count {
             upper_nodes = WIDTH * upper_nodes + 1;
             capacity *= WIDTH;
         }
@@ -90,12 +97,16 @@ impl BoxTree {
                 Entry { center, item }
             })
             .collect();
-        arrange(&mut entries, capacity / 2);
+        // The order within a node does not matter, that within a group neither.
+        let smallest = if group_size == 1 { WIDTH } else { group_size };
+        arrange(&mut entries, capacity * group_size / 2, smallest);
         let items: Vec<u32> = entries.iter().map(|entry| entry.item).collect();
 
-        let mut nodes = vec![Node::empty(); upper_nodes + count.div_ceil(WIDTH)];
-        for (slot, &item) in items.iter().enumerate() {
-            nodes[upper_nodes + slot / WIDTH].set(slot % WIDTH, &bounds_of(item));
+        let mut nodes = vec![Node::empty(); upper_nodes + group_count.div_ceil(WIDTH)];
+        for (group, items) in items.chunks(group_size).enumerate() {
+            let bounds = items.iter().map(|&item| bounds_of(item));
+            let bounds = bounds.reduce(|a, b| union(&a, &b)).unwrap_or_default();
+            nodes[upper_nodes + group / WIDTH].set(group % WIDTH, &bounds);
         }
         for node in (1..nodes.len()).rev() {
             let bounds = nodes[node].bounds();
@@ -184,20 +195,28 @@ impl BoxTree {
 }
 
 /// Sorts entries so that every full subtree's are together and apart from the others: halves
-/// are separated by a plane across the longest side of their centers.
-fn arrange(entries: &mut [Entry], half: usize) {
-    if entries.len() <= WIDTH || half < WIDTH {
+/// are separated by a plane across the longest side of their centers. Halves of fewer than
+/// `smallest` stay as they are.
+fn arrange(entries: &mut [Entry], half: usize, smallest: usize) {
+    if entries.len() <= smallest || half < smallest {
         return;
     }
     if half < entries.len() {
         let axis = longest_axis(entries);
         entries.select_nth_unstable_by(half, |a, b| a.center[axis].total_cmp(&b.center[axis]));
         let (lower, upper) = entries.split_at_mut(half);
-        arrange(lower, half / 2);
-        arrange(upper, half / 2);
+        arrange(lower, half / 2, smallest);
+        arrange(upper, half / 2, smallest);
     } else {
-        arrange(entries, half / 2);
+        arrange(entries, half / 2, smallest);
     }
+}
+
+fn union([min_a, max_a]: &Bounds, [min_b, max_b]: &Bounds) -> Bounds {
+    [
+        std::array::from_fn(|axis| min_a[axis].min(min_b[axis])),
+        std::array::from_fn(|axis| max_a[axis].max(max_b[axis])),
+    ]
 }
 
 fn longest_axis(entries: &[Entry]) -> usize {
