@@ -116,3 +116,23 @@ fn wrong_usage_is_exit_code_two_and_a_bad_file_is_one() {
         Some(1)
     );
 }
+
+#[test]
+fn simplify_does_not_overwrite_its_input_or_one_output_by_another() {
+    let folder = Folder::new("simplify_refuses");
+    std::fs::create_dir(folder.0.join("in")).unwrap();
+    write_synthetic_frames(&folder.0.join("in"), 2);
+    let before = std::fs::read(folder.0.join("in/frame0.obj")).unwrap();
+    for arguments in [
+        "simplify in --target-faces 500 --format obj --output in",
+        "simplify in --target-faces 500 --format ply --output out --keep-registered out",
+    ] {
+        let arguments: Vec<&str> = arguments.split_whitespace().collect();
+        let refused = steadymesh(&arguments, &folder.0);
+        assert_eq!(refused.status.code(), Some(1), "{arguments:?}");
+    }
+    assert_eq!(
+        std::fs::read(folder.0.join("in/frame0.obj")).unwrap(),
+        before
+    );
+}

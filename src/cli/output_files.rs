@@ -1,5 +1,6 @@
 //! Files and folders that commands write, with errors that name them.
 
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -44,4 +45,37 @@ pub(super) fn output_names(files: &[PathBuf], extension: &str) -> anyhow::Result
         names.push(name);
     }
     Ok(names)
+}
+
+/// Makes sure that no input is overwritten by an output.
+pub(super) fn refuse_to_overwrite(
+    inputs: &[PathBuf],
+    folder: &Path,
+    names: &[String],
+) -> anyhow::Result<()> {
+    // An output that does not exist yet is nobody's input.
+    let outputs = names
+        .iter()
+        .filter_map(|name| folder.join(name).canonicalize().ok());
+    let outputs: HashSet<PathBuf> = outputs.collect();
+    for input in inputs {
+        if input
+            .canonicalize()
+            .is_ok_and(|input| outputs.contains(&input))
+        {
+            bail!(
+                "{} would be overwritten by its result: choose another folder",
+                input.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Whether two names are of one folder.
+pub(super) fn is_same_folder(one: &Path, other: &Path) -> bool {
+    match (one.canonicalize(), other.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    }
 }

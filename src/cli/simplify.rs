@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
@@ -13,7 +13,9 @@ use crate::pipeline::{PreparedFrame, ProcessedFrame, Settings, TargetSize, proce
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
-use super::output_files::{create, make_folder, output_names, write_file};
+use super::output_files::{
+    create, is_same_folder, make_folder, output_names, refuse_to_overwrite, write_file,
+};
 use super::progress::progress_bar;
 use super::tracking_mode::TrackingMode;
 
@@ -77,8 +79,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let files = expand(&arguments.paths)?;
     let names = output_names(&files, arguments.format.extension())?;
     make_folder(&arguments.output)?;
+    refuse_to_overwrite(&files, &arguments.output, &names)?;
     if let Some(folder) = &arguments.keep_registered {
         make_folder(folder)?;
+        let registered = output_names(&files, "ply")?;
+        refuse_to_overwrite(&files, folder, &registered)?;
+        if arguments.format == OutputFormat::Ply && is_same_folder(folder, &arguments.output) {
+            bail!(
+                "simplified and registered frames would have the same names: give --keep-registered a folder of its own"
+            );
+        }
     }
     let mut metrics_file = arguments.metrics.as_deref().map(create).transpose()?;
     let progress = progress_bar(files.len() as u64);

@@ -133,6 +133,7 @@ impl Config {
             ),
             ("streams.max", self.streams.max),
             ("streams.queue_depth", self.streams.queue_depth),
+            ("streams.parallel_frames", self.streams.parallel_frames),
             ("streams.history", self.streams.history),
             ("streams.subscriber_queue", self.streams.subscriber_queue),
         ];

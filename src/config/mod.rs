@@ -100,6 +100,8 @@ pub struct Streams {
     pub max: usize,
     /// Frames of a stream that may wait to be processed.
     pub queue_depth: usize,
+    /// Frames of a stream that may be in work at a time; each takes tens of megabytes.
+    pub parallel_frames: usize,
     /// Frames that a stream remembers.
     pub history: usize,
     /// How many frames a player may fall behind before it is taken to the newest.
@@ -167,6 +169,7 @@ impl Default for Streams {
         Self {
             max: 64,
             queue_depth: 4,
+            parallel_frames: 4,
             history: 300,
             subscriber_queue: 30,
             linger_secs: 5,

@@ -15,7 +15,8 @@ impl Config {
         let asked = self.compute.threads;
         compute::Options {
             threads: if asked == 0 { cores } else { asked },
-            queue: self.compute.queue,
+            // More than fits would panic in the semaphore behind it.
+            queue: self.compute.queue.min(1 << 20),
         }
     }
 
@@ -25,6 +26,7 @@ impl Config {
         streams::Options {
             max_streams: self.streams.max,
             queue_depth: self.streams.queue_depth,
+            parallel_frames: self.streams.parallel_frames,
             history: self.streams.history,
             subscriber_queue: self.streams.subscriber_queue,
             linger: Duration::from_secs(self.streams.linger_secs),

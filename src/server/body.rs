@@ -13,6 +13,8 @@ use super::error::Problem;
 
 /// Not more than this is set aside on the word of a `Content-Length`.
 const MAX_INITIAL_BYTES: usize = 4 << 20;
+/// A body without a length is given memory in steps of this.
+const MIN_GROWTH_BYTES: usize = 1 << 20;
 /// How much of a body that is refused is read all the same. A connection that is closed while
 /// the client is still sending is reset, and many clients then never see the answer.
 const DRAIN_BYTES: usize = 1 << 30;
@@ -58,23 +60,17 @@ impl Memory {
     }
 }
 
-/// What a body may need: its length if it says so, else the most that is taken.
-pub(super) fn needed(body: &Body, max_bytes: usize) -> usize {
-    let exact = body.size_hint().exact();
-    let exact = exact.and_then(|bytes| usize::try_from(bytes).ok());
-    exact.map_or(max_bytes, |bytes| bytes.min(max_bytes))
-}
-
 /// Reads a body.
 ///
 /// # Errors
 ///
 /// 413 if it is too large, 408 if it is too slow, 400 if it ends early.
-pub(super) async fn read(
+pub(super) async fn read<'m>(
     mut body: Body,
     headers: &HeaderMap,
     limits: Limits,
-) -> Result<Bytes, Problem> {
+    memory: &'m Memory,
+) -> Result<(Bytes, SemaphorePermit<'m>), Problem> {
     let announced = body.size_hint().lower();
     if (limits.max_bytes as u64) < announced {
         discard(body, headers).await;
@@ -83,6 +79,13 @@ pub(super) async fn read(
     let capacity = usize::try_from(announced)
         .unwrap_or(0)
         .min(MAX_INITIAL_BYTES);
+    let mut reserved = match memory.reserve(usize::try_from(announced).unwrap_or(usize::MAX)) {
+        Ok(reserved) => reserved,
+        Err(problem) => {
+            discard(body, headers).await;
+            return Err(problem);
+        }
+    };
     let collect = async {
         let mut bytes = BytesMut::with_capacity(capacity);
         while let Some(frame) = body.frame().await {
@@ -96,13 +99,18 @@ pub(super) async fn read(
             if limits.max_bytes < bytes.len() + data.len() {
                 return Ok(None);
             }
+            // A body without a length takes what it needs as it comes.
+            let missing = (bytes.len() + data.len()).saturating_sub(reserved.num_permits() << 10);
+            if 0 < missing {
+                reserved.merge(memory.reserve(missing.max(MIN_GROWTH_BYTES))?);
+            }
             bytes.extend_from_slice(&data);
         }
         Ok(Some(bytes.freeze()))
     };
     let collected = timeout(limits.timeout, collect).await;
     match collected {
-        Ok(Ok(Some(bytes))) => Ok(bytes),
+        Ok(Ok(Some(bytes))) => Ok((bytes, reserved)),
         Ok(Ok(None)) => {
             discard(body, headers).await;
             Err(too_large(limits, None))

@@ -148,6 +148,7 @@ impl Problem {
             "another publisher is connected to the stream, or expected back: wait until it has \
              left, or say ?takeover=true to end its connection",
         )
+        .retry_after(SOON_MS)
     }
 
     /// An accepted frame did not come out.

@@ -98,21 +98,17 @@ async fn take_frame(
         Err(problem) => return refuse(problem, request_body).await,
     };
     // Before the body is read, so that a full queue holds no bodies.
-    let place = match stream.reserve(stamps.takeover) {
-        Ok(place) => place,
-        Err(refused) => return refuse(refused.into(), request_body).await,
-    };
+    if stream.is_full() {
+        return refuse(Refused::QueueFull.into(), request_body).await;
+    }
     let options = app.options();
     let limits = body::Limits {
         max_bytes: options.max_body_bytes,
         timeout: options.body_timeout,
     };
-    let needed = body::needed(&request_body, limits.max_bytes);
-    let _memory = match app.memory.reserve(needed) {
-        Ok(memory) => memory,
-        Err(problem) => return refuse(problem, request_body).await,
-    };
-    let bytes = body::read(request_body, headers, limits).await?;
+    let (bytes, _memory) = body::read(request_body, headers, limits, &app.memory).await?;
+    // A place is taken once the frame is there: a rig whose network stalls holds none.
+    let place = stream.reserve(stamps.takeover)?;
     let arrived = Instant::now();
     let format = match declared {
         Some(format) => format,
@@ -145,7 +141,15 @@ fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
     };
     let text = String::from_utf8_lossy(content_type.as_bytes());
     let essence = text.split(';').next().unwrap_or_default().trim();
-    if essence.eq_ignore_ascii_case("application/octet-stream") {
+    // The second is what curl says unless it is told otherwise.
+    let says_nothing = [
+        "application/octet-stream",
+        "application/x-www-form-urlencoded",
+    ];
+    if says_nothing
+        .iter()
+        .any(|name| essence.eq_ignore_ascii_case(name))
+    {
         return Ok(None);
     }
     match Format::from_content_type(essence) {

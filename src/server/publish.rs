@@ -26,7 +26,8 @@ use super::error::Problem;
 use super::extract::{Asking, Strict};
 use super::ingest::{Stamps, sniffed_format, with_native_stamps};
 use super::socket::{
-    self, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, NotSent, Outgoing, SILENCE,
+    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, NotSent, Outgoing,
+    SILENCE,
 };
 
 /// What a publisher may say when it connects.
@@ -40,6 +41,9 @@ pub(super) struct Arrival {
     #[serde(rename = "ticket")]
     _ticket: Option<String>,
 }
+
+/// How long a publisher may take to hear the last of it.
+const GOODBYE: Duration = Duration::from_secs(1);
 
 /// Why a connection ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,15 +110,27 @@ async fn serve(
     };
     let farewell = connection.run(&mut incoming).await;
     tracing::debug!(stream = %stream.name(), ?farewell, "publisher leaves");
-    if let Farewell::Ours(code, reason) = farewell {
-        // Whether or not it gets through, the connection ends here.
-        connection.outgoing.close(code, reason).await.ok();
+    match farewell {
+        Farewell::Ours(code, reason) => {
+            // Read on for a moment: a connection that is dropped with frames in flight is reset,
+            // and the rig would not learn why.
+            if connection.outgoing.close(code, reason).await.is_ok() {
+                timeout(GOODBYE, forget(&mut incoming)).await.ok();
+            }
+        }
+        Farewell::Theirs => connection.outgoing.finish().await,
+        Farewell::Broken => {}
     }
     drop(connection);
     match farewell {
         Farewell::Broken => drop(publication),
         Farewell::Ours(..) | Farewell::Theirs => publication.end(),
     }
+}
+
+/// Reads until the publisher has closed too.
+async fn forget(incoming: &mut SplitStream<WebSocket>) {
+    while let Some(Ok(_)) = incoming.next().await {}
 }
 
 /// What has become of a frame so far.
@@ -147,6 +163,7 @@ impl Connection<'_> {
         if self.outgoing.say(&self.welcome()).await.is_err() {
             return Farewell::Broken;
         }
+        let mut chatter = Chatter::new();
         let mut pings = socket::pings();
         let ended = self.stream.ended();
         tokio::pin!(ended);
@@ -157,6 +174,9 @@ impl Connection<'_> {
                     Ok(None) => return Farewell::Broken,
                     Ok(Some(Err(error))) => return broken(&error),
                     Ok(Some(Ok(Message::Close(_)))) => return Farewell::Theirs,
+                    Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if chatter.is_too_much() => {
+                        return Farewell::Ours(CLOSE_CHATTER, "too many pings");
+                    }
                     Ok(Some(Ok(message))) => self.take(message).await,
                 },
                 Some(answer) = self.answers.next(), if !self.answers.is_empty() => {
@@ -169,6 +189,7 @@ impl Connection<'_> {
                     return Farewell::Ours(CLOSE_EXPIRED, "the token has expired");
                 }
                 reason = &mut ended => {
+                    self.say_last_answers().await;
                     let (code, reason) = socket::close_of(reason);
                     return Farewell::Ours(code, reason);
                 }
@@ -178,6 +199,18 @@ impl Connection<'_> {
                 return Farewell::Broken;
             }
         }
+    }
+
+    /// What became of the frames that are in, now that the stream has ended: all of it is known.
+    async fn say_last_answers(&mut self) {
+        let answering = async {
+            while let Some(answer) = self.answers.next().await {
+                if self.answer(answer).await.is_err() {
+                    return;
+                }
+            }
+        };
+        timeout(GOODBYE, answering).await.ok();
     }
 
     fn welcome(&self) -> PublishReply {

@@ -24,7 +24,38 @@ pub(super) const SILENCE: Duration = Duration::from_secs(50);
 pub(super) const CLOSE_EXPIRED: u16 = 4401;
 pub(super) const CLOSE_SILENT: u16 = 4408;
 pub(super) const CLOSE_SUPERSEDED: u16 = 4409;
+pub(super) const CLOSE_CHATTER: u16 = 4420;
 pub(super) const CLOSE_TOO_FAR_BEHIND: u16 = 4429;
+
+/// Pings and pongs that a client may send at once, and how many a second after that. Each ping
+/// is answered, so that a client that floods and never reads would fill our memory with pongs.
+const CHATTER_BURST: f64 = 50.0;
+const CHATTER_PER_SECOND: f64 = 10.0;
+
+/// Counts what a client says beside frames.
+#[derive(Debug)]
+pub(super) struct Chatter {
+    allowance: f64,
+    last: Instant,
+}
+
+impl Chatter {
+    pub fn new() -> Self {
+        Self {
+            allowance: CHATTER_BURST,
+            last: Instant::now(),
+        }
+    }
+
+    /// Whether one more message is too much.
+    pub fn is_too_much(&mut self) -> bool {
+        let now = Instant::now();
+        let earned = (now - self.last).as_secs_f64() * CHATTER_PER_SECOND;
+        self.last = now;
+        self.allowance = (self.allowance + earned).min(CHATTER_BURST) - 1.0;
+        self.allowance < 0.0
+    }
+}
 
 /// Checks the handshake and the subprotocol. A client that offers none gets the only one.
 ///
@@ -111,6 +142,12 @@ impl Outgoing {
     pub async fn send(&mut self, message: Message) -> Result<(), NotSent> {
         self.feed(message).await?;
         self.flush().await
+    }
+
+    /// Lets the answer to the client's own farewell out.
+    pub async fn finish(&mut self) {
+        // The client may have gone without waiting for it.
+        in_time(self.send_timeout, self.sink.close()).await.ok();
     }
 
     /// Hands a message in that a later flush sends.

@@ -22,7 +22,8 @@ use super::auth::Scope;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
 use super::socket::{
-    self, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, NotSent, Outgoing, SILENCE, text_of,
+    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, NotSent,
+    Outgoing, SILENCE, text_of,
 };
 
 /// Players say nothing but pongs and farewells.
@@ -66,6 +67,8 @@ enum Farewell {
     Expired,
     /// No pong has come back for too long.
     Silent,
+    /// It floods us with pings.
+    Chatter,
     /// The player has closed, or broken the protocol.
     Theirs,
 }
@@ -127,8 +130,8 @@ async fn serve(socket: WebSocket, reader: &Reader, send_timeout: Duration) {
         Farewell::TooFarBehind => (CLOSE_TOO_FAR_BEHIND, "too far behind"),
         Farewell::Expired => (CLOSE_EXPIRED, "the token has expired"),
         Farewell::Silent => (CLOSE_SILENT, "no sign of life"),
-        // The answer to a farewell is automatic.
-        Farewell::Theirs => return,
+        Farewell::Chatter => (CLOSE_CHATTER, "too many pings"),
+        Farewell::Theirs => return outgoing.finish().await,
     };
     if outgoing.close(code, reason).await.is_ok() {
         timeout(GOODBYE, listen(&mut incoming)).await.ok();
@@ -196,10 +199,12 @@ fn hello(stream: &Stream) -> ControlMessage {
 /// Hears the player until it leaves, breaks the protocol, or falls silent. What it says is not
 /// of interest; pings are answered and pongs received underneath.
 async fn listen(incoming: &mut SplitStream<WebSocket>) -> Farewell {
+    let mut chatter = Chatter::new();
     loop {
         match timeout(SILENCE, incoming.next()).await {
             Err(_) => return Farewell::Silent,
             Ok(None | Some(Err(_) | Ok(Message::Close(_)))) => return Farewell::Theirs,
+            Ok(Some(Ok(_))) if chatter.is_too_much() => return Farewell::Chatter,
             Ok(Some(Ok(_))) => {}
         }
     }

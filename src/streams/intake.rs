@@ -108,6 +108,9 @@ impl Intake {
 
     /// How many places are free at this moment.
     pub fn free_places(&self) -> usize {
+        if self.sender.is_closed() {
+            return 0;
+        }
         self.places.available_permits()
     }
 }

@@ -20,7 +20,7 @@ use super::task::Task;
 
 /// How long a stream that a first frame has made is kept if that frame cannot be used: such
 /// frames shall not fill the server with empty streams.
-const UNUSED_TIMEOUT: Duration = Duration::from_secs(30);
+const UNUSED_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How streams are kept.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,6 +29,8 @@ pub struct Options {
     pub max_streams: usize,
     /// Frames of a stream that may wait to be processed.
     pub queue_depth: usize,
+    /// Frames of a stream that may be in work at a time.
+    pub parallel_frames: usize,
     /// Frames that a stream remembers.
     pub history: usize,
     /// How far a reader may fall behind before it is taken to the newest frame, in frames.
@@ -273,6 +275,7 @@ impl Shared {
             pool: Arc::clone(&self.pool),
             limits: options.limits,
             queue_depth: options.queue_depth.max(1),
+            parallel_frames: options.parallel_frames,
             first_frame_timeout,
             idle_timeout: options.idle_timeout,
         };

@@ -139,6 +139,17 @@ impl Stream {
         &self.intake
     }
 
+    /// Whether a publisher is connected or expected back.
+    pub(super) fn has_publisher(&self) -> bool {
+        lock(&self.publisher).is_held(Instant::now())
+    }
+
+    /// Whether the queue has no place at this moment.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.intake.free_places() == 0
+    }
+
     pub(super) fn release_publisher(&self, claim: &CancellationToken, comes_back: bool) {
         let keep = comes_back.then_some(self.linger);
         lock(&self.publisher).release(claim, keep, Instant::now());
@@ -232,8 +243,8 @@ impl Stream {
     pub fn summary(&self) -> StreamSummary {
         let counters = &self.counters;
         let last_arrival = *lock(&self.last_arrival);
-        let is_live = last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR)
-            || lock(&self.publisher).is_held(Instant::now());
+        let is_live =
+            last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR) || self.has_publisher();
         let created = self.created.duration_since(SystemTime::UNIX_EPOCH);
         StreamSummary {
             stream: self.name.to_string(),

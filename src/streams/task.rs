@@ -38,6 +38,8 @@ pub(super) struct Task {
     pub pool: Arc<ComputePool>,
     pub limits: Limits,
     pub queue_depth: usize,
+    /// Frames that may be in work at a time; each of them takes tens of megabytes.
+    pub parallel_frames: usize,
     /// How long a stream is kept before its first frame.
     pub first_frame_timeout: Duration,
     /// How long it is kept after its last.
@@ -118,7 +120,7 @@ impl Task {
         state: &mut State,
         requests: &mut watch::Receiver<Request>,
     ) -> EndReason {
-        let threads = self.pool.thread_count();
+        let threads = self.pool.thread_count().min(self.parallel_frames);
         let idle = tokio::time::sleep(self.first_frame_timeout);
         tokio::pin!(idle);
         // Whether the intake is closed and empty.
@@ -146,7 +148,12 @@ impl Task {
                         None => closed = true,
                     }
                 }
-                () = &mut idle, if state.is_empty() => return EndReason::Idle,
+                () = &mut idle, if state.is_empty() => {
+                    if !self.stream.has_publisher() {
+                        return EndReason::Idle;
+                    }
+                    idle.as_mut().reset(tokio::time::Instant::now() + self.idle_timeout);
+                }
             }
             self.start(state, threads);
             if closed && state.is_empty() {

@@ -270,3 +270,39 @@ async fn a_publisher_that_hangs_up_leaves_the_stream_as_it_was() {
     let metrics = server.publish("demo", body).await;
     assert_eq!(metrics.seq, 0);
 }
+
+#[tokio::test]
+async fn a_rig_whose_body_stalls_holds_no_place() {
+    use tokio::io::AsyncWriteExt;
+    let server = start_with(|config| config.streams.queue_depth = 1).await;
+    let mut stalled = tokio::net::TcpStream::connect(server.server.address())
+        .await
+        .unwrap();
+    let head = "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: x\r\nContent-Length: 900\r\n\r\nx";
+    stalled.write_all(head.as_bytes()).await.unwrap();
+    server.publish("demo", frames(1).remove(0)).await;
+}
+
+#[tokio::test]
+async fn a_frame_of_another_size_altogether_is_simplified_without_tracking() {
+    let server = start().await;
+    let body = frames(1).remove(0);
+    server.publish("demo", body.clone()).await;
+    let mut frame = steadymesh_proto::NativeFrame::decode(&body).unwrap();
+    frame
+        .positions
+        .iter_mut()
+        .flatten()
+        .for_each(|coordinate| *coordinate *= 1000.0);
+    let metrics = server.publish("demo", frame.encode()).await;
+    assert_eq!(
+        (metrics.tracking, metrics.output.faces),
+        (Tracking::Off, 400)
+    );
+    assert!(
+        metrics
+            .registration_error
+            .unwrap()
+            .contains("factor of 1000")
+    );
+}

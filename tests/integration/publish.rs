@@ -310,3 +310,80 @@ async fn a_publisher_is_told_when_its_stream_is_deleted_and_when_the_server_stop
     assert_eq!(rig.close_code().await, CloseCode::Away);
     stop.await.unwrap();
 }
+
+#[tokio::test]
+async fn a_publisher_that_says_goodbye_is_answered() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    let goodbye = tokio_tungstenite::tungstenite::protocol::CloseFrame {
+        code: CloseCode::Normal,
+        reason: "done".into(),
+    };
+    rig.connection.socket.close(Some(goodbye)).await.unwrap();
+    assert_eq!(rig.close_code().await, CloseCode::Normal);
+}
+
+#[tokio::test]
+async fn a_publisher_that_floods_with_pings_is_sent_away() {
+    let server = start().await;
+    let mut rig = connect(&server, "").await;
+    for _ in 0..500 {
+        let ping = Message::Ping(vec![0; 125].into());
+        if rig.connection.socket.send(ping).await.is_err() {
+            break;
+        }
+    }
+    loop {
+        match rig.connection.socket.next().await {
+            Some(Ok(Message::Close(Some(close)))) => {
+                assert_eq!(close.code, CloseCode::from(4420));
+                break;
+            }
+            Some(Ok(_)) => {}
+            // Whoever still sends when the connection ends may see it reset.
+            Some(Err(_)) | None => break,
+        }
+    }
+    let post = server
+        .post("other", frames(1).remove(0))
+        .send()
+        .await
+        .unwrap();
+    assert_eq!(post.status(), StatusCode::ACCEPTED);
+}
+
+#[tokio::test]
+async fn a_deleted_stream_says_what_became_of_its_frames() {
+    let server = start_with(|config| config.compute.threads = 1).await;
+    let mut rig = connect(&server, "").await;
+    for body in crate::support::frames_of(8000, 3) {
+        rig.send(body).await;
+    }
+    let mut accepted = std::collections::BTreeSet::new();
+    while accepted.len() < 3 {
+        let ack = rig.ack().await;
+        if ack["state"] == "accepted" {
+            accepted.insert(ack["message"].as_u64().unwrap());
+        }
+    }
+    server
+        .client
+        .delete(server.url("/v1/streams/demo"))
+        .send()
+        .await
+        .unwrap();
+    let mut open = accepted;
+    loop {
+        match rig.connection.message().await {
+            Message::Text(text) => {
+                let message: Value = serde_json::from_str(&text).unwrap();
+                if message["state"] == "published" || message["state"] == "dropped" {
+                    open.remove(&message["message"].as_u64().unwrap());
+                }
+            }
+            Message::Close(_) => break,
+            other => panic!("{other:?} was not expected"),
+        }
+    }
+    assert!(open.len() < 3, "of {open:?} nothing was said");
+}

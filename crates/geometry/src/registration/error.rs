@@ -2,6 +2,10 @@
 
 use super::rigid::MIN_CORRESPONDENCES;
 
+/// People come and go and swing things; a frame a hundred times larger is another unit, and
+/// looking for closest points from that far away would take minutes.
+pub(super) const MAX_SIZE_FACTOR: f64 = 20.0;
+
 /// Why a registration could not be computed.
 ///
 /// Running out of iterations is not an error, and neither is a bad fit: see the result's
@@ -22,6 +26,15 @@ pub enum RegistrationError {
     TooFewCorrespondences {
         /// Pairs that were left after rejection.
         found: usize,
+    },
+    /// One mesh is many times the size of the other: they are not frames of one scene.
+    #[error(
+        "the frames differ in size by a factor of {factor:.0}, at most {MAX_SIZE_FACTOR} is \
+         taken for motion"
+    )]
+    SizeMismatch {
+        /// The larger bounding box's diagonal over the smaller one's.
+        factor: f64,
     },
     /// A mesh without faces has no surface to be registered.
     #[error("the {which} mesh has no faces")]

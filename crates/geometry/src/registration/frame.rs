@@ -5,6 +5,7 @@ use nalgebra::Isometry3;
 use crate::metrics::vertex_to_surface_distances;
 use crate::{Point, TriangleMesh};
 
+use super::error::MAX_SIZE_FACTOR;
 use super::{RegistrationError, Target, nonrigid, rigid};
 
 /// How a frame is registered.
@@ -52,6 +53,7 @@ pub fn register(
     target: &Target,
     options: &Options,
 ) -> Result<Registration, RegistrationError> {
+    check_size(source, target)?;
     let rigid = rigid::icp::register(source, target, &options.rigid)?;
     let moved: Vec<Point> = source
         .positions()
@@ -88,5 +90,16 @@ pub fn register(
         matched_share: deformed.matched_share,
         rigid_only,
         residuals,
+    })
+}
+
+fn check_size(source: &TriangleMesh, target: &Target) -> Result<(), RegistrationError> {
+    let (one, other) = (source.bounding_box().diagonal(), target.diagonal());
+    let (smaller, larger) = (one.min(other), one.max(other));
+    if larger <= MAX_SIZE_FACTOR * smaller {
+        return Ok(());
+    }
+    Err(RegistrationError::SizeMismatch {
+        factor: larger / smaller,
     })
 }

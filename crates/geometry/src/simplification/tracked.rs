@@ -15,7 +15,14 @@ pub(super) struct Reference {
     neighborhoods: Vec<Neighborhood>,
     /// Kept for its allocation.
     slots: Vec<u32>,
+    /// Quads that may still be looked at.
+    budget: usize,
 }
+
+/// Quads looked at per vertex of the reference, at the most: ten times what captures need. Frames
+/// whose edges are as long as the mesh would otherwise gather all of it for every edge; once the
+/// budget is spent the reference takes no further part.
+const BUDGET_PER_VERTEX: usize = 2000;
 
 /// Where a search went, and the quads of the tree that it found. As long as all that is asked
 /// for lies within, there is no need for another.
@@ -63,6 +70,7 @@ impl Reference {
             tree,
             neighborhoods: vec![nowhere; vertex_count],
             slots: Vec::new(),
+            budget: BUDGET_PER_VERTEX * positions.len(),
         })
     }
 
@@ -72,6 +80,12 @@ impl Reference {
     /// that is near both counts twice (Eq. 11 to 13). The barycenter is the mean of both
     /// neighborhoods' means (Eq. 16), or that of the only one that is not empty.
     pub fn around_edge(&mut self, edge: Edge, v1: &Point, v2: &Point) -> Tracked {
+        if self.budget == 0 {
+            return Tracked {
+                quadric: Quadric::default(),
+                barycenter: None,
+            };
+        }
         let square = (v2 - v1).norm_squared();
         let [first, second] = [(edge.0, v1), (edge.1, v2)].map(|(vertex, endpoint)| {
             self.prepare(vertex, endpoint, square);
@@ -91,6 +105,9 @@ impl Reference {
     /// Searches around a vertex, at least as far as asked by the square of the radius, unless
     /// the last search covers that.
     pub fn prepare(&mut self, vertex: u32, position: &Point, square: f64) {
+        if self.budget == 0 {
+            return;
+        }
         let neighborhood = &mut self.neighborhoods[vertex as usize];
         let margin = neighborhood.radius - (position - neighborhood.center).norm();
         // Rounding is far below what the tree's search is generous by.
@@ -101,11 +118,13 @@ impl Reference {
         neighborhood.radius = SEARCH_MARGIN * square.sqrt();
         self.tree
             .quads_around(position, neighborhood.radius, &mut neighborhood.quads);
+        self.budget = self.budget.saturating_sub(neighborhood.quads.len());
     }
 
     /// What the vertices closer to `vertex` than asked, by the square of the distance, add.
     fn sum_within(&mut self, vertex: u32, position: &Point, square: f64) -> Terms {
         let quads = &self.neighborhoods[vertex as usize].quads;
+        self.budget = self.budget.saturating_sub(quads.len());
         let count = self
             .tree
             .slots_within(position, square, quads, &mut self.slots);
