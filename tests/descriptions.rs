@@ -11,7 +11,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{
-    DistancePair, Input, Output, Registration, Residual, StageTimes, Statistics, Tracking,
+    Consistency, DistancePair, Input, Output, Registration, Residual, StageTimes, Statistics,
+    Tracking,
 };
 use steadymesh_proto::stream::{
     Accepted, ControlMessage, DracoConfig, DropReason, EndReason, FrameState, MetricsMode,
@@ -425,6 +426,7 @@ fn metrics() -> FrameMetrics {
         surface_distance: Some(pair.clone()),
         vertex_distance: Some(pair),
         current_to_output: Some(Statistics::default()),
+        consistency: Some(Consistency::default()),
         bbox_diagonal: 2.0,
         stage_us: StageTimes::default(),
         latency_us: 85_000,

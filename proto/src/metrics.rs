@@ -14,6 +14,8 @@ pub enum Tracking {
     Off,
     /// The formulas of the Tracked QEM paper to the letter.
     Paper,
+    /// The previous result, carried along, anchors the new one.
+    Robust,
 }
 
 /// One frame's metrics.
@@ -23,7 +25,8 @@ pub struct FrameMetrics {
     pub seq: u64,
     /// When it was captured, in microseconds since 1970, if the rig said so.
     pub capture_time_us: Option<u64>,
-    /// How it was simplified: `off` for a first frame and where registration failed.
+    /// How it was simplified: `off` for a first frame, where registration failed, and where what
+    /// it found does not fit at all.
     pub tracking: Tracking,
     /// The frame that was registered onto it; none where none was.
     pub reference_seq: Option<u64>,
@@ -42,6 +45,10 @@ pub struct FrameMetrics {
     pub vertex_distance: Option<DistancePair>,
     /// From each vertex of the frame to the surface of the simplified mesh.
     pub current_to_output: Option<Statistics>,
+    /// What has come back of the previous result, with the registration as the motion; none
+    /// without both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub consistency: Option<Consistency>,
     /// The diagonal of the frame's bounding box.
     pub bbox_diagonal: f64,
     /// How long each stage took, in microseconds.
@@ -110,6 +117,19 @@ pub struct Residual {
     pub p95: f64,
     /// The largest.
     pub max: f64,
+}
+
+/// How much of the previous simplified mesh, carried along by the motion, is found again.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Consistency {
+    /// The share of the simplified mesh's vertices that are within a tenth of its mean edge of
+    /// a carried vertex, 0 to 1.
+    pub vertex_persistence: f64,
+    /// The share of the carried edges that are there again between the vertices that are nearest
+    /// to their ends, 0 to 1.
+    pub edge_persistence: f64,
+    /// The mean distance of the carried surface and the simplified one.
+    pub flicker: f64,
 }
 
 /// Distances to the registered previous frame and to the current one.

@@ -6,10 +6,11 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
 
-use crate::pipeline::{PreparedFrame, ProcessedFrame, Settings, TargetSize, process};
+use crate::pipeline::{PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, process};
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
@@ -92,10 +93,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let mut metrics_file = arguments.metrics.as_deref().map(create).transpose()?;
     let progress = progress_bar(files.len() as u64);
-    let mut previous: Option<PreparedFrame> = None;
+    let mut previous: Option<(PreparedFrame, TriangleMesh)> = None;
     for (seq, (file, name)) in files.iter().zip(&names).enumerate() {
         let seq = seq as u64;
-        let (current, out) = simplify_one(file, previous.as_ref(), seq, &settings)?;
+        let before = previous.as_ref().map(|(frame, output)| Previous {
+            frame,
+            output: Some(output),
+        });
+        let (current, out) = simplify_one(file, before, seq, &settings)?;
         write_frame(&arguments.output.join(name), &out, arguments.format)?;
         if let (Some(folder), Some(registered)) = (&arguments.keep_registered, &out.registered) {
             let path = folder.join(Path::new(name).with_extension("ply"));
@@ -108,7 +113,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
                 .context("the metrics cannot be written")?;
         }
         warn_about(file, &out.metrics);
-        previous = Some(current);
+        previous = Some((current, out.mesh));
         progress.inc(1);
     }
     if let Some(mut metrics_file) = metrics_file {
@@ -122,7 +127,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 fn simplify_one(
     file: &Path,
-    previous: Option<&PreparedFrame>,
+    previous: Option<Previous<'_>>,
     seq: u64,
     settings: &Settings,
 ) -> anyhow::Result<(PreparedFrame, ProcessedFrame)> {

@@ -10,6 +10,8 @@ pub(super) enum TrackingMode {
     Off,
     /// The formulas of the Tracked QEM paper.
     Paper,
+    /// The previous result, carried along, anchors the new one.
+    Robust,
 }
 
 impl From<TrackingMode> for Tracking {
@@ -17,6 +19,7 @@ impl From<TrackingMode> for Tracking {
         match mode {
             TrackingMode::Off => Self::Off,
             TrackingMode::Paper => Self::Paper,
+            TrackingMode::Robust => Self::Robust,
         }
     }
 }

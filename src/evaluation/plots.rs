@@ -157,5 +157,6 @@ fn color(tracking: Tracking) -> [u8; 3] {
     match tracking {
         Tracking::Off => [0x00, 0x72, 0xb2],
         Tracking::Paper => [0xd5, 0x5e, 0x00],
+        Tracking::Robust => [0x00, 0x9e, 0x73],
     }
 }

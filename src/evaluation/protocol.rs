@@ -2,11 +2,11 @@
 
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_geometry::mesh::EdgeTable;
-use steadymesh_proto::metrics::{Statistics, Tracking};
+use steadymesh_proto::metrics::{Consistency, Statistics, Tracking};
 
 use crate::pipeline::{
-    PreparedFrame, ProcessFailed, ProcessedFrame, Settings, TargetSize, process_registered,
-    register, statistics,
+    PreparedFrame, ProcessFailed, ProcessedFrame, Settings, TargetSize, process,
+    process_registered, register, statistics,
 };
 
 use super::aggregate::{PairFigures, average, best, change};
@@ -28,7 +28,7 @@ pub struct Plan {
     pub settings: Settings,
 }
 
-/// An evaluation under way. It holds figures, no meshes.
+/// An evaluation under way. It holds figures, and of meshes only each run's last result.
 #[derive(Debug)]
 pub struct Protocol {
     settings: Settings,
@@ -47,6 +47,8 @@ struct RunUnderWay {
     tracking: Tracking,
     outputs: Vec<Output>,
     distribution: ByMeasure<ByFrame<Distribution>>,
+    /// The number of the last frame that was simplified, and what became of it.
+    last: Option<(u64, TriangleMesh)>,
 }
 
 /// One simplified frame and its raw distances.
@@ -69,6 +71,7 @@ impl Protocol {
             tracking,
             outputs: Vec::new(),
             distribution: ByMeasure::default(),
+            last: None,
         };
         let target = |target_faces| TargetUnderWay {
             target_faces,
@@ -102,7 +105,7 @@ impl Protocol {
         let diagonal = current.bounds().diagonal();
         for target in &mut self.targets {
             let mut measured = Vec::with_capacity(target.runs.len());
-            for run in &target.runs {
+            for run in &mut target.runs {
                 let settings = Settings {
                     target: TargetSize::Faces(target.target_faces),
                     tracking: run.tracking,
@@ -110,12 +113,19 @@ impl Protocol {
                     measure: false,
                     ..self.settings.clone()
                 };
-                let out = process_registered(current, registered.clone(), &settings, &mut ())?;
+                let before = match run.last.take() {
+                    Some((last, mesh)) if last + 1 == seq => mesh,
+                    // A first frame is the original QEM in every mode.
+                    _ => process(previous, None, &settings, &mut ())?.mesh,
+                };
+                let (registered, carry) = (registered.clone(), Some(&before));
+                let carried = registered.as_ref().map(|r| r.carry(&before));
+                let out = process_registered(current, registered, carry, &settings, &mut ())?;
                 let distances = references.as_ref().and_then(|r| measure(&out.mesh, r));
-                measured.push(Measured {
-                    output: output(seq, &out, distances.as_ref()),
-                    distances,
-                });
+                let mut output = output(seq, &out, distances.as_ref());
+                output.consistency = carried.and_then(|carried| carried.consistency(&out.mesh));
+                measured.push(Measured { output, distances });
+                run.last = Some((seq, out.mesh));
             }
             target.add(measured, diagonal);
         }
@@ -210,6 +220,7 @@ impl RunUnderWay {
         let distribution = &self.distribution;
         Run {
             tracking: self.tracking,
+            consistency: mean_consistency(&self.outputs, compared),
             average_change_percent,
             best_change_percent,
             distribution: ByMeasure::from_fn(|m| distribution.get(m).map(Distribution::cumulative)),
@@ -218,6 +229,23 @@ impl RunUnderWay {
             outputs: self.outputs,
         }
     }
+}
+
+/// The mean over the `compared` pairs; none if there are none.
+fn mean_consistency(outputs: &[Output], compared: &[bool]) -> Option<Consistency> {
+    let compared = outputs
+        .iter()
+        .zip(compared)
+        .filter(|(_, compared)| **compared);
+    let found: Vec<Consistency> = compared
+        .filter_map(|(output, _)| output.consistency)
+        .collect();
+    let mean = |of: fn(&Consistency) -> f64| found.iter().map(of).sum::<f64>() / found.len() as f64;
+    (!found.is_empty()).then(|| Consistency {
+        vertex_persistence: mean(|c| c.vertex_persistence),
+        edge_persistence: mean(|c| c.edge_persistence),
+        flicker: mean(|c| c.flicker),
+    })
 }
 
 /// None if a mesh has no faces, which does not come this far.
@@ -250,6 +278,7 @@ fn output(
         mbit_per_second: 8e-6 * figures.bytes as f64 * FRAMES_PER_SECOND,
         non_manifold_edges: EdgeTable::of(out.mesh.faces()).non_manifold_count(),
         distances: distances.map(summed_up),
+        consistency: None,
     }
 }
 
@@ -291,6 +320,7 @@ mod tests {
                 mbit_per_second: 0.024,
                 non_manifold_edges: 0,
                 distances: Some(ByMeasure::from_fn(sums)),
+                consistency: None,
             },
             distances: Some(distances),
         }

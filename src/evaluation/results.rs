@@ -5,7 +5,7 @@
 //! box (and of its square).
 
 use serde::Serialize;
-use steadymesh_proto::metrics::{Registration, Statistics, Tracking};
+use steadymesh_proto::metrics::{Consistency, Registration, Statistics, Tracking};
 
 /// Frames in a second for which bit rates are stated.
 pub const FRAMES_PER_SECOND: f64 = 30.0;
@@ -59,6 +59,8 @@ pub struct Run {
     pub tracking: Tracking,
     /// One for each pair.
     pub outputs: Vec<Output>,
+    /// The mean of the compared pairs' consistency; none if there are no such pairs.
+    pub consistency: Option<Consistency>,
     /// Averages over the compared pairs; none if there are no such pairs.
     pub average: Option<ByMeasure<ByFrame<Summary>>>,
     /// The compared pair with the smallest distances, for each kind of distance on its own.
@@ -95,6 +97,9 @@ pub struct Output {
     pub non_manifold_edges: usize,
     /// Its distances; none if no faces are left.
     pub distances: Option<ByMeasure<ByFrame<Statistics>>>,
+    /// What has come back of this run's result for frame k-1, carried along by the registration;
+    /// none without a registration.
+    pub consistency: Option<Consistency>,
 }
 
 /// A kind of distance.

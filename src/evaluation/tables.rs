@@ -22,6 +22,7 @@ pub(super) fn name(tracking: Tracking) -> &'static str {
     match tracking {
         Tracking::Off => "original",
         Tracking::Paper => "tracked (paper)",
+        Tracking::Robust => "tracked (robust)",
     }
 }
 

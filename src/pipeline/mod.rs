@@ -14,8 +14,8 @@ mod settings;
 
 pub use measure::statistics;
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};
-pub use process::{ProcessFailed, ProcessedFrame, process, process_registered};
-pub use register::{Registered, register};
+pub use process::{Previous, ProcessFailed, ProcessedFrame, process, process_registered};
+pub use register::{CarriedOutput, Registered, register};
 pub use settings::{InvalidSettings, Settings, TargetSize};
 
 /// The stages of a frame's way through the pipeline.

@@ -3,11 +3,16 @@
 use std::sync::Arc;
 
 use steadymesh_draco::{DecodeLimits, MeshView};
-use steadymesh_geometry::simplification::{self, simplify};
+use steadymesh_geometry::mesh::mean_edge;
+use steadymesh_geometry::simplification::{
+    self, Anchors, Simplified, anchors, simplify, simplify_anchored,
+};
+use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Output, Tracking};
 
+use super::register::CarriedOutput;
 use super::{PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
 
 /// What becomes of a frame.
@@ -40,7 +45,16 @@ pub enum ProcessFailed {
     Mesh(#[from] steadymesh_geometry::mesh::InvalidMesh),
 }
 
-/// Registers `previous` onto `current`, simplifies `current` and measures the result.
+/// What a frame may be consistent with.
+#[derive(Debug, Clone, Copy)]
+pub struct Previous<'a> {
+    /// The frame before.
+    pub frame: &'a PreparedFrame,
+    /// What became of it: its [`ProcessedFrame::mesh`].
+    pub output: Option<&'a TriangleMesh>,
+}
+
+/// Registers the previous frame onto `current`, simplifies `current` and measures the result.
 ///
 /// A registration that fails does not lose the frame: it is simplified without tracking, and
 /// its metrics say why.
@@ -50,24 +64,26 @@ pub enum ProcessFailed {
 /// [`ProcessFailed`] if Draco refuses its part.
 pub fn process(
     current: &PreparedFrame,
-    previous: Option<&PreparedFrame>,
+    previous: Option<Previous<'_>>,
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
     let attempt = previous
         .filter(|_| settings.tracking != Tracking::Off)
-        .map(|previous| register(previous, current, &settings.registration));
+        .map(|previous| register(previous.frame, current, &settings.registration));
     observer.ended(Stage::Register);
     let (registered, error) = match attempt.transpose() {
         Ok(registered) => (registered, None),
         Err(error) => (None, Some(error.to_string())),
     };
-    let mut processed = process_registered(current, registered, settings, observer)?;
+    let output = previous.and_then(|previous| previous.output);
+    let mut processed = process_registered(current, registered, output, settings, observer)?;
     processed.metrics.registration_error = error;
     Ok(processed)
 }
 
-/// What [`process`] does once the previous frame is registered.
+/// What [`process`] does once the previous frame is registered: several frames may be registered
+/// at once, while this needs the one before's output if tracking is robust.
 ///
 /// Without tracking, `registered` takes no part in the simplification and the result is
 /// measured against it all the same: this is how the original QEM is compared.
@@ -78,24 +94,31 @@ pub fn process(
 pub fn process_registered(
     current: &PreparedFrame,
     registered: Option<Registered>,
+    previous_output: Option<&TriangleMesh>,
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
+    let carried = registered
+        .as_ref()
+        .zip(previous_output.filter(|_| settings.measure || settings.tracking == Tracking::Robust))
+        .map(|(registered, output)| registered.carry(output));
     let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
     let (registered, registration) = registered.map(|r| (r.mesh, r.figures)).unzip();
-    let reference = registered
-        .as_ref()
-        .filter(|_| settings.tracking != Tracking::Off);
     let mut metrics = FrameMetrics {
         input: current.input().clone(),
         bbox_diagonal: current.bounds().diagonal(),
-        tracking: reference.map_or(Tracking::Off, |_| settings.tracking),
         registration,
         ..FrameMetrics::default()
     };
-    let options =
-        simplification::Options::to_faces(settings.target.faces_of(current.mesh().face_count()));
-    let simplified = simplify(current.mesh(), reference, &options);
+    let hold = match (settings.tracking, &registered, &carried, &surface) {
+        (Tracking::Paper, Some(registered), ..) => Hold::Reference(registered),
+        (Tracking::Robust, _, Some(carried), Some(surface)) => {
+            hold_by_anchors(carried, current, surface)
+        }
+        _ => Hold::Nothing,
+    };
+    let simplified;
+    (simplified, metrics.tracking) = hold.simplify(current.mesh(), settings);
     observer.ended(Stage::Simplify);
 
     let (draco, mesh) = encode(&simplified.mesh, settings)?;
@@ -110,6 +133,7 @@ pub fn process_registered(
     if settings.measure {
         let current = (current.mesh(), surface.as_deref());
         measure::add_distances(&mut metrics, &mesh, current, registered.as_ref());
+        metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh));
     }
     observer.ended(Stage::Measure);
     Ok(ProcessedFrame {
@@ -118,6 +142,47 @@ pub fn process_registered(
         mesh,
         registered,
     })
+}
+
+/// What holds a frame's simplification.
+enum Hold<'a> {
+    Nothing,
+    Reference(&'a TriangleMesh),
+    Anchors(Anchors),
+}
+
+impl Hold<'_> {
+    fn simplify(&self, mesh: &TriangleMesh, settings: &Settings) -> (Simplified, Tracking) {
+        let options =
+            simplification::Options::to_faces(settings.target.faces_of(mesh.face_count()));
+        match self {
+            Self::Nothing => (simplify(mesh, None, &options), Tracking::Off),
+            Self::Reference(reference) => {
+                (simplify(mesh, Some(reference), &options), Tracking::Paper)
+            }
+            Self::Anchors(anchors) => {
+                (simplify_anchored(mesh, anchors, &options), Tracking::Robust)
+            }
+        }
+    }
+}
+
+/// Below this mean fit of the anchors it is another scene, or a registration that went wrong. On
+/// consecutive frames of captures it is at least 0.8.
+const MIN_MEAN_FIT: f64 = 0.3;
+
+fn hold_by_anchors<'a>(
+    carried: &CarriedOutput,
+    current: &PreparedFrame,
+    surface: &TriangleTree,
+) -> Hold<'a> {
+    let mesh = current.mesh();
+    let options = &anchors::Options::default();
+    let anchors = Anchors::new(&carried.vertices, mesh, (surface, mean_edge(mesh)), options);
+    if anchors.mean_fit() < MIN_MEAN_FIT {
+        return Hold::Nothing;
+    }
+    Hold::Anchors(anchors)
 }
 
 /// Compresses a mesh, and reads it back as players will see it.

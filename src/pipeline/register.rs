@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use steadymesh_geometry::TriangleMesh;
-use steadymesh_geometry::registration::{self, RegistrationError, Target};
+use steadymesh_geometry::metrics::consistency;
+use steadymesh_geometry::registration::{self, Carried, RegistrationError, Target};
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
 
@@ -17,8 +18,44 @@ pub struct Registered {
     pub mesh: TriangleMesh,
     /// How well it fits.
     pub figures: metrics::Registration,
+    /// The previous frame as it was.
+    pub(super) source: TriangleMesh,
     /// The current frame's surface, which registration has searched and which is measured to.
     pub(super) current_surface: Arc<TriangleTree>,
+}
+
+impl Registered {
+    /// Carries the previous frame's result along.
+    #[must_use]
+    pub fn carry(&self, previous_output: &TriangleMesh) -> CarriedOutput {
+        let vertices = registration::carry(previous_output.positions(), &self.source, &self.mesh);
+        let positions = vertices.iter().map(|vertex| vertex.position).collect();
+        CarriedOutput {
+            mesh: previous_output.with_positions(positions).ok(),
+            vertices,
+        }
+    }
+}
+
+/// A previous frame's result, carried along by the registration.
+#[derive(Debug, Clone)]
+pub struct CarriedOutput {
+    pub(super) vertices: Vec<Carried>,
+    /// None if a position is not finite.
+    mesh: Option<TriangleMesh>,
+}
+
+impl CarriedOutput {
+    /// What of it is found again in `output`; none if there is nothing to compare.
+    #[must_use]
+    pub fn consistency(&self, output: &TriangleMesh) -> Option<metrics::Consistency> {
+        let found = consistency(self.mesh.as_ref()?, output)?;
+        Some(metrics::Consistency {
+            vertex_persistence: found.vertex_persistence,
+            edge_persistence: found.edge_persistence,
+            flicker: found.flicker,
+        })
+    }
 }
 
 /// Registers `previous` onto `current`, with the previous frame's connectivity.
@@ -42,6 +79,7 @@ pub fn register(
         // Rounded before it is used, so that what is written is what was measured.
         mesh: mesh.rounded_to_f32(),
         figures,
+        source: previous.mesh().clone(),
         current_surface: Arc::new(target.into_surface()),
     })
 }

@@ -1,3 +1,4 @@
+use steadymesh_geometry::TriangleMesh;
 use steadymesh_proto::metrics::Tracking;
 use steadymesh_synthetic_rig as rig;
 
@@ -31,6 +32,46 @@ fn settings(tracking: Tracking) -> Settings {
     }
 }
 
+fn after(frame: &PreparedFrame) -> Previous<'_> {
+    Previous {
+        frame,
+        output: None,
+    }
+}
+
+#[test]
+fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
+    let frames = frames(2);
+    let process_with = |tracking, current: &PreparedFrame, output: &TriangleMesh| {
+        let previous = Previous {
+            frame: &frames[0],
+            output: Some(output),
+        };
+        process(current, Some(previous), &settings(tracking), &mut ()).unwrap()
+    };
+    let first = process(&frames[0], None, &settings(Tracking::Robust), &mut ()).unwrap();
+    assert_eq!(first.metrics.tracking, Tracking::Off);
+    let persistence = |tracking| {
+        let out = process_with(tracking, &frames[1], &first.mesh);
+        assert_eq!(out.metrics.tracking, tracking);
+        out.metrics.consistency.unwrap().vertex_persistence
+    };
+    let (paper, robust) = (persistence(Tracking::Paper), persistence(Tracking::Robust));
+    assert!(1.2 * paper < robust, "{paper} {robust}");
+
+    let positions = frames[1].mesh().positions().iter();
+    let raw = RawFrame {
+        positions: positions
+            .map(|p| [p.z * p.z, 0.1 * p.x, p.y * p.x])
+            .collect(),
+        faces: frames[1].mesh().faces().to_vec(),
+        byte_count: 0,
+    };
+    let another = PreparedFrame::new(raw, &mut ()).unwrap();
+    let cut = process_with(Tracking::Robust, &another, &first.mesh);
+    assert_eq!(cut.metrics.tracking, Tracking::Off);
+}
+
 #[test]
 fn a_first_frame_has_no_reference_and_the_asked_number_of_faces() {
     let frames = frames(1);
@@ -46,7 +87,7 @@ fn tracking_brings_the_result_closer_to_the_registered_previous_frame() {
     let frames = frames(2);
     let paper = process(
         &frames[1],
-        Some(&frames[0]),
+        Some(after(&frames[0])),
         &settings(Tracking::Paper),
         &mut (),
     )
@@ -61,6 +102,7 @@ fn tracking_brings_the_result_closer_to_the_registered_previous_frame() {
     let off = process_registered(
         &frames[1],
         Some(registered),
+        None,
         &settings(Tracking::Off),
         &mut (),
     )
@@ -76,7 +118,7 @@ fn a_registered_frame_takes_no_part_without_tracking() {
     let registered = register(&frames[0], &frames[1], &options).unwrap();
     let off = settings(Tracking::Off);
     let alone = process(&frames[1], None, &off, &mut ()).unwrap();
-    let measured = process_registered(&frames[1], Some(registered), &off, &mut ()).unwrap();
+    let measured = process_registered(&frames[1], Some(registered), None, &off, &mut ()).unwrap();
     assert_eq!(alone.draco, measured.draco);
     assert_eq!(measured.metrics.tracking, Tracking::Off);
 }
@@ -87,7 +129,7 @@ fn equal_inputs_give_equal_bytes() {
     let run = || {
         process(
             &frames[1],
-            Some(&frames[0]),
+            Some(after(&frames[0])),
             &settings(Tracking::Paper),
             &mut (),
         )

@@ -2,7 +2,8 @@
 //!
 //! Frames are read and repaired as they come; each is processed as soon as it and its
 //! predecessor are there and a thread is free, several at once if there are several threads;
-//! they leave in the order in which they came.
+//! they leave in the order in which they came. With `tracking: robust` only the registrations run
+//! at once: each simplification waits for the result before it.
 //!
 //! Waiting frames are bounded by `queue_depth`. With `overload: lossless` a frame keeps its place
 //! in the queue until it is started on, and when there is no place publishers are told to wait.
@@ -17,17 +18,22 @@ use std::time::{Duration, Instant};
 use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt, ready};
 use futures_util::stream::FuturesOrdered;
+use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{Limits, read};
-use steadymesh_proto::metrics::StageTimes;
+use steadymesh_proto::metrics::{StageTimes, Tracking};
 use steadymesh_proto::stream::{Accepted, EndReason, Overload};
 use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
 
 use crate::compute::{ComputePool, JobPanicked, Length};
-use crate::pipeline::{PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, process};
+use crate::pipeline::{
+    PreparedFrame, Previous, ProcessFailed, ProcessedFrame, RawFrame, Stage, StageObserver,
+    process, process_registered, register,
+};
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::history::Loss;
 use super::intake::{Incoming, Refused, Submission};
+use super::settings::Configured;
 use super::stream::{Request, Stream};
 
 /// What a task works with.
@@ -78,7 +84,7 @@ struct Waiting {
 struct Done {
     stamps: Stamps,
     reference_seq: Option<u64>,
-    outcome: Result<(ProcessedFrame, StageTimes), Lost>,
+    outcome: Outcome,
 }
 
 #[derive(Debug)]
@@ -97,6 +103,8 @@ struct State {
     /// How many of `processing` are jobs.
     busy: usize,
     previous: Option<(u64, Arc<PreparedFrame>)>,
+    /// What becomes of it, once it is known; closed if it is lost.
+    previous_output: Option<oneshot::Receiver<TriangleMesh>>,
     latest_seq: Option<u64>,
 }
 
@@ -280,19 +288,21 @@ impl Task {
             state.busy += 1;
             let previous = state.previous.replace((stamps.seq, Arc::clone(&frame)));
             let (previous_seq, previous) = previous.unzip();
-            let (pool, configured) = (Arc::clone(&self.pool), self.stream.configured());
-            let job = move || {
-                let mut stopwatch = Stopwatch::resume(times);
-                let settings = &configured.settings;
-                process(&frame, previous.as_deref(), settings, &mut stopwatch)
-                    .map(|processed| (processed, stopwatch.times()))
+            let (sender, output) = oneshot::channel();
+            let job = Job {
+                pool: Arc::clone(&self.pool),
+                configured: self.stream.configured(),
+                frame,
+                previous,
+                previous_output: state.previous_output.replace(output),
+                times,
             };
             state.processing.push_back(Box::pin(async move {
-                let outcome = match pool.run(Length::Long, job).await {
-                    Ok(Ok(processed)) => Ok(processed),
-                    Ok(Err(failed)) => Err(Lost::Failed(failed)),
-                    Err(JobPanicked) => Err(Lost::Panicked),
-                };
+                let outcome = job.run().await;
+                if let Ok((processed, _)) = &outcome {
+                    // Whoever comes next may do without.
+                    sender.send(processed.mesh.clone()).ok();
+                }
                 Done {
                     stamps,
                     reference_seq: previous_seq,
@@ -337,6 +347,86 @@ impl Task {
             }
         };
         stream.lose(stamps.seq, loss, stamps.arrived.elapsed());
+    }
+}
+
+/// All that a frame is processed with.
+struct Job {
+    pool: Arc<ComputePool>,
+    configured: Arc<Configured>,
+    frame: Arc<PreparedFrame>,
+    previous: Option<Arc<PreparedFrame>>,
+    previous_output: Option<oneshot::Receiver<TriangleMesh>>,
+    times: StageTimes,
+}
+
+type Outcome = Result<(ProcessedFrame, StageTimes), Lost>;
+
+impl Job {
+    async fn run(self) -> Outcome {
+        let Self {
+            pool,
+            configured,
+            frame,
+            previous,
+            previous_output,
+            times,
+        } = self;
+        let waits = configured.settings.tracking == Tracking::Robust;
+        let (Some(previous), Some(previous_output), true) = (&previous, previous_output, waits)
+        else {
+            let job = move || {
+                let mut stopwatch = Stopwatch::resume(times);
+                let previous = previous.as_deref().map(|frame| Previous {
+                    frame,
+                    output: None,
+                });
+                process(&frame, previous, &configured.settings, &mut stopwatch)
+                    .map(|processed| (processed, stopwatch.times()))
+            };
+            return outcome(pool.run(Length::Long, job).await);
+        };
+        let (source, target) = (Arc::clone(previous), Arc::clone(&frame));
+        let with = Arc::clone(&configured);
+        let registration = move || {
+            let mut stopwatch = Stopwatch::resume(times);
+            let registered = register(&source, &target, &with.settings.registration);
+            stopwatch.ended(Stage::Register);
+            (registered, stopwatch.times())
+        };
+        let registered = pool.run(Length::Long, registration).await;
+        let (registered, times) = registered.map_err(|JobPanicked| Lost::Panicked)?;
+        let (registered, error) = match registered {
+            Ok(registered) => (Some(registered), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        let output = previous_output.await.ok();
+        let job = move || {
+            let mut stopwatch = Stopwatch::resume(times);
+            let settings = &configured.settings;
+            process_registered(
+                &frame,
+                registered,
+                output.as_ref(),
+                settings,
+                &mut stopwatch,
+            )
+            .map(|mut processed| {
+                processed.metrics.registration_error = error;
+                (processed, stopwatch.times())
+            })
+        };
+        outcome(pool.run(Length::Long, job).await)
+    }
+}
+
+fn outcome(
+    run: Result<Result<(ProcessedFrame, StageTimes), ProcessFailed>, JobPanicked>,
+) -> Outcome {
+    match run {
+        Ok(Ok(processed)) => Ok(processed),
+        Ok(Err(failed)) => Err(Lost::Failed(failed)),
+        Err(JobPanicked) => Err(Lost::Panicked),
     }
 }
 

@@ -92,6 +92,38 @@ async fn metrics_can_be_had_for_one_frame_and_for_the_last() {
 }
 
 #[tokio::test]
+async fn robust_tracking_goes_on_from_the_last_result_however_fast_frames_come() {
+    let mut results = Vec::new();
+    for waits in [true, false] {
+        let server = start().await;
+        let url = server.url("/v1/streams/demo");
+        let config = json!({"tracking": "robust", "target_faces": 300, "overload": "lossless"});
+        let made = server.client.put(url).json(&config).send().await.unwrap();
+        assert_eq!(made.status(), StatusCode::CREATED);
+        let mut bodies = frames(4);
+        let last = bodies.remove(3);
+        for body in bodies {
+            if waits {
+                server.publish("demo", body).await;
+            } else {
+                let posted = server.post("demo", body).send().await.unwrap();
+                assert_eq!(posted.status(), StatusCode::ACCEPTED);
+            }
+        }
+        server.publish("demo", last).await;
+        let all = server.json("/v1/streams/demo/metrics").await;
+        let modes = ["off", "robust", "robust", "robust"];
+        for (metrics, mode) in all["frames"].as_array().unwrap().iter().zip(modes) {
+            assert_eq!(metrics["tracking"], mode);
+            assert_eq!(metrics["consistency"].is_object(), mode == "robust");
+        }
+        let drc = server.get("/v1/streams/demo/frames/3.drc").await;
+        results.push(drc.bytes().await.unwrap());
+    }
+    assert_eq!(results[0], results[1]);
+}
+
+#[tokio::test]
 async fn frames_that_are_forgotten_or_never_were_are_not_found_with_the_reason() {
     let server = start_with(|config| config.streams.history = 2).await;
     for body in frames(3) {

@@ -6,6 +6,7 @@
 //!
 //! Lengths are in the mesh's own unit, angles in radians, arithmetic in `f64`.
 
+mod carry;
 mod error;
 mod frame;
 pub mod nonrigid;
@@ -14,6 +15,7 @@ mod robust_kernel;
 mod rotation;
 mod target;
 
+pub use carry::{Carried, carry};
 pub use error::RegistrationError;
 pub use frame::{Options, Registration, register};
 pub use robust_kernel::{welsch, welsch_weight};

@@ -4,6 +4,7 @@ use crate::mesh::{Edge, face_normal};
 use crate::{Face, Point, TriangleMesh};
 
 use super::Quadric;
+use super::anchors::{Anchors, Pulls};
 use super::connectivity::Connectivity;
 use super::normalization::Normalization;
 use super::placement::place;
@@ -56,6 +57,22 @@ pub fn simplify(
     reference: Option<&TriangleMesh>,
     options: &Options,
 ) -> Simplified {
+    simplify_guided(mesh, reference, &Anchors::default(), options)
+}
+
+/// Simplifies `mesh` like [`simplify`] without a reference, but keeps the vertices that `anchors`
+/// carry over from the previous result where that costs little.
+#[must_use]
+pub fn simplify_anchored(mesh: &TriangleMesh, anchors: &Anchors, options: &Options) -> Simplified {
+    simplify_guided(mesh, None, anchors, options)
+}
+
+fn simplify_guided(
+    mesh: &TriangleMesh,
+    reference: Option<&TriangleMesh>,
+    anchors: &Anchors,
+    options: &Options,
+) -> Simplified {
     if mesh.face_count() <= options.target_faces {
         return Simplified {
             mesh: mesh.clone(),
@@ -76,6 +93,7 @@ pub fn simplify(
         versions: vec![0; mesh.vertex_count()],
         positions,
         reference,
+        pulls: Pulls::new(anchors, &normalization, mesh.vertex_count()),
         queue: Queue::new(mesh.vertex_count()),
         collapses: 0,
         neighbors: Vec::new(),
@@ -124,6 +142,7 @@ struct Run {
     /// How often each vertex was merged.
     versions: Vec<u32>,
     reference: Option<Reference>,
+    pulls: Option<Pulls>,
     queue: Queue,
     collapses: usize,
     /// Kept for their allocations.
@@ -205,6 +224,9 @@ impl Run {
         // The frame's own quadrics add up; the reference's are gathered anew for every edge.
         let merged = self.quadrics[a as usize] + self.quadrics[b as usize];
         self.quadrics[a as usize] = merged;
+        if let Some(pulls) = &mut self.pulls {
+            pulls.merge((a, b), &position);
+        }
         self.versions[a as usize] += 1;
         self.versions[b as usize] += 1;
         self.collapses += 1;
@@ -251,6 +273,9 @@ impl Run {
             let around = reference.around_edge(edge, v1, v2);
             quadric += around.quadric;
             barycenter = around.barycenter;
+        }
+        if let Some(pulls) = &self.pulls {
+            return pulls.place(&quadric, edge, (v1, v2));
         }
         let position = place(&quadric, v1, v2, barycenter.as_ref());
         (position, quadric.cost(&position))

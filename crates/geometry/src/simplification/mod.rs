@@ -6,10 +6,12 @@
 //! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
 //! - `queue`: the edges that may be collapsed, cheapest first.
-//! - [`simplify`]: collapses the cheapest edge until the target is reached.
+//! - [`anchors`]: what the previous result holds the new one by.
+//! - [`simplify`], [`simplify_anchored`]: collapses the cheapest edge until the target is reached.
 //!
-//! Both modes run in one engine: without a reference it is the original QEM.
+//! All modes run in one engine: without reference and anchors it is the original QEM.
 
+pub mod anchors;
 mod connectivity;
 mod edge_collapse;
 mod normalization;
@@ -18,7 +20,8 @@ mod quadric;
 mod queue;
 mod tracked;
 
-pub use edge_collapse::{Options, Simplified, simplify};
+pub use anchors::Anchors;
+pub use edge_collapse::{Options, Simplified, simplify, simplify_anchored};
 pub use quadric::Quadric;
 
 #[cfg(test)]

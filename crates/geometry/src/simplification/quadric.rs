@@ -60,6 +60,16 @@ impl Quadric {
         }
     }
 
+    /// The squared distance to a point, times `weight`.
+    #[must_use]
+    pub fn of_point(point: &Point, weight: f64) -> Self {
+        Self {
+            a: [weight, 0.0, 0.0, weight, 0.0, weight],
+            b: point.coords * -weight,
+            c: point.coords.norm_squared() * weight,
+        }
+    }
+
     /// All ten coefficients: A's, b's and c.
     pub(super) fn coefficients(&self) -> [f64; 10] {
         let ([xx, xy, xz, yy, yz, zz], b) = (self.a, self.b);
@@ -92,11 +102,16 @@ impl Quadric {
     /// singular one to say ("irreversible").
     #[must_use]
     pub fn minimizer(&self) -> Option<Point> {
+        self.minimizer_above(MIN_RELATIVE_DETERMINANT)
+    }
+
+    /// The same with another threshold for det A relative to (trace A / 3)³.
+    pub(super) fn minimizer_above(&self, min_relative_determinant: f64) -> Option<Point> {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let cofactors = Vector::new(yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
         let determinant = xx * cofactors.x + xy * cofactors.y + xz * cofactors.z;
         let mean = (xx + yy + zz) / 3.0;
-        if determinant <= MIN_RELATIVE_DETERMINANT * mean * mean * mean {
+        if determinant <= min_relative_determinant * mean * mean * mean {
             return None;
         }
         let inverse = Matrix3::new(

@@ -1,0 +1,116 @@
+//! Whether the same vertices and edges come back from one result to the next.
+
+use crate::mesh::{Edge, EdgeTable, mean_edge};
+use crate::spatial::{TriangleTree, VertexTree};
+use crate::{Point, TriangleMesh};
+
+/// How much of the previous result, carried along, is found again in the next one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Consistency {
+    /// The share of the next result's vertices that are within a tenth of its mean edge of a
+    /// carried vertex, 0 to 1.
+    pub vertex_persistence: f64,
+    /// The share of the carried edges that are there again between the vertices of the next
+    /// result that are nearest to their ends, 0 to 1.
+    pub edge_persistence: f64,
+    /// The mean distance between the two surfaces: from the vertices and face centers of each to
+    /// the other one, and the mean of both directions. In the meshes' unit.
+    pub flicker: f64,
+}
+
+/// A vertex persists within this share of the mean edge.
+const PERSISTENCE_RADIUS: f64 = 0.1;
+
+/// Compares `carried`, the previous result at its carried positions, with `next`.
+///
+/// `None` if one of them has no faces.
+#[must_use]
+pub fn consistency(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Consistency> {
+    let (carried_surface, next_surface) = (TriangleTree::new(carried)?, TriangleTree::new(next)?);
+    let carried_vertices = VertexTree::new(carried.positions())?;
+    let radius = PERSISTENCE_RADIUS * mean_edge(next);
+    let persists = |vertex: &&Point| carried_vertices.nearest(vertex).1 <= radius;
+    let persisting = next.positions().iter().filter(persists).count();
+    let to_next = mean_distance(carried, &next_surface);
+    let to_carried = mean_distance(next, &carried_surface);
+    Some(Consistency {
+        vertex_persistence: persisting as f64 / next.vertex_count() as f64,
+        edge_persistence: edge_persistence(carried, next)?,
+        flicker: (to_next + to_carried) / 2.0,
+    })
+}
+
+fn edge_persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<f64> {
+    let vertices = VertexTree::new(next.positions())?;
+    let matches: Vec<u32> = carried
+        .positions()
+        .iter()
+        .map(|vertex| vertices.nearest(vertex).0)
+        .collect();
+    let edges_of = |mesh: &TriangleMesh| -> Vec<Edge> {
+        let table = EdgeTable::of(mesh.faces());
+        table.iter().map(|(edge, _)| edge).collect()
+    };
+    let (before, after) = (edges_of(carried), edges_of(next));
+    let is_found = |edge: &&Edge| {
+        let (a, b) = (matches[edge.0 as usize], matches[edge.1 as usize]);
+        a != b && after.binary_search(&Edge::new(a, b)).is_ok()
+    };
+    Some(before.iter().filter(is_found).count() as f64 / before.len() as f64)
+}
+
+/// From the vertices and face centers of `from`.
+fn mean_distance(from: &TriangleMesh, to: &TriangleTree) -> f64 {
+    let centers = (0..from.face_count()).map(|face| {
+        let [a, b, c] = from.triangle(face);
+        Point::from((a.coords + b.coords + c.coords) / 3.0)
+    });
+    let points = from.positions().iter().copied().chain(centers);
+    let sum: f64 = points.map(|point| to.closest(&point).distance).sum();
+    sum / (from.vertex_count() + from.face_count()) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Vector;
+
+    /// A unit square of two triangles, cut along one diagonal or the other.
+    fn square(other_diagonal: bool) -> TriangleMesh {
+        let corners = [[0., 0., 0.], [1., 0., 0.], [1., 1., 0.], [0., 1., 0.]];
+        let faces = if other_diagonal {
+            vec![[0, 1, 3], [1, 2, 3]]
+        } else {
+            vec![[0, 1, 2], [0, 2, 3]]
+        };
+        TriangleMesh::new(corners.map(Point::from).to_vec(), faces).unwrap()
+    }
+
+    #[test]
+    fn the_same_mesh_persists_wholly_and_does_not_flicker() {
+        let found = consistency(&square(false), &square(false)).unwrap();
+        assert_eq!(
+            (found.vertex_persistence, found.edge_persistence),
+            (1.0, 1.0)
+        );
+        // Face centers are a rounding off their faces.
+        assert!(found.flicker < 1e-15);
+    }
+
+    #[test]
+    fn a_flipped_diagonal_is_one_of_five_edges() {
+        let found = consistency(&square(false), &square(true)).unwrap();
+        assert!((found.edge_persistence - 0.8).abs() < 1e-12);
+        assert_eq!(found.vertex_persistence, 1.0);
+    }
+
+    #[test]
+    fn a_lifted_mesh_flickers_by_its_height() {
+        let mesh = square(false);
+        let lifted = mesh.positions().iter().map(|p| p + Vector::z() * 0.5);
+        let lifted = mesh.with_positions(lifted.collect()).unwrap();
+        let found = consistency(&mesh, &lifted).unwrap();
+        assert_eq!((found.vertex_persistence, found.flicker), (0.0, 0.5));
+        assert_eq!(found.edge_persistence, 1.0);
+    }
+}

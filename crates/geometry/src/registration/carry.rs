@@ -1,0 +1,97 @@
+//! Carries what stands on the source along with it.
+
+use crate::mesh::face_normal;
+use crate::spatial::TriangleTree;
+use crate::{Point, TriangleMesh, Vector};
+
+/// A point that was carried along.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Carried {
+    /// Where it is now.
+    pub position: Point,
+    /// The point of the registered surface that it stands on.
+    pub foot: Point,
+    /// The unit normal of the registered surface there; zero if it has none.
+    pub normal: Vector,
+    /// How far above that surface it is, along the normal.
+    pub height: f64,
+}
+
+/// Carries `points`, which are near the surface of `source`, to where `registered` has it: the
+/// same mesh at other positions.
+///
+/// A point keeps its place in the face that is closest to it: the foot's barycentric
+/// coordinates, the height along the face's normal, and the rest of its offset unturned.
+///
+/// # Panics
+///
+/// If `registered` has fewer faces than `source`.
+#[must_use]
+pub fn carry(points: &[Point], source: &TriangleMesh, registered: &TriangleMesh) -> Vec<Carried> {
+    let Some(tree) = TriangleTree::new(source) else {
+        let still = |&position: &Point| Carried {
+            position,
+            foot: position,
+            normal: Vector::zeros(),
+            height: 0.0,
+        };
+        return points.iter().map(still).collect();
+    };
+    let carry_one = |point: &Point| {
+        let closest = tree.closest(point);
+        let (from, to) = (
+            source.triangle(closest.face as usize),
+            registered.triangle(closest.face as usize),
+        );
+        let shares = barycentric(&closest.position, &from);
+        let foot = Point::from(
+            to[0].coords * shares[0] + to[1].coords * shares[1] + to[2].coords * shares[2],
+        );
+        let normal_of = |triangle| face_normal(triangle).unwrap_or_default();
+        let (before, after) = (normal_of(from), normal_of(to));
+        let offset = point - closest.position;
+        let height = offset.dot(&before);
+        Carried {
+            position: foot + (offset - before * height) + after * height,
+            foot,
+            normal: after,
+            height,
+        }
+    };
+    points.iter().map(carry_one).collect()
+}
+
+/// The barycentric coordinates of a point on a triangle; the first corner's where it has no area.
+fn barycentric(point: &Point, [a, b, c]: &[Point; 3]) -> [f64; 3] {
+    let (ab, ac, ap) = (b - a, c - a, point - a);
+    let normal = ab.cross(&ac);
+    let square = normal.norm_squared();
+    if square <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let (u, v) = (
+        ap.cross(&ac).dot(&normal) / square,
+        ab.cross(&ap).dot(&normal) / square,
+    );
+    [1.0 - u - v, u, v]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Isometry3, Vector3};
+
+    #[test]
+    fn a_point_above_a_face_goes_where_a_rigid_motion_takes_it() {
+        let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.]].map(Point::from);
+        let source = TriangleMesh::new(corners.to_vec(), vec![[0, 1, 2]]).unwrap();
+        let motion = Isometry3::new(Vector3::new(3., -1., 2.), Vector3::new(0.4, 0.9, -0.2));
+        let moved = corners.iter().map(|p| motion * p).collect();
+        let registered = source.with_positions(moved).unwrap();
+        let point = Point::new(0.5, 0.3, 0.2);
+        let carried = carry(&[point], &source, &registered)[0];
+        assert!((carried.position - motion * point).norm() < 1e-12);
+        assert!((carried.foot - motion * Point::new(0.5, 0.3, 0.0)).norm() < 1e-12);
+        assert!((carried.height - 0.2).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,314 @@
+//! Anchors: the vertices of the previous result, carried along, that the new one should keep.
+//!
+//! An anchor is attached to the nearest vertex of the mesh. It pulls what that vertex becomes
+//! towards where the previous result had a vertex, and merging two anchors costs more than
+//! merging anything else. Both fade where the previous frame was registered badly.
+
+use crate::mesh::{Edge, face_normal};
+use crate::registration::{Carried, welsch_weight};
+use crate::spatial::TriangleTree;
+use crate::{Point, TriangleMesh, Vector};
+
+use super::Quadric;
+use super::normalization::Normalization;
+use super::placement::place;
+
+/// How strongly the previous result holds the new one.
+///
+/// Distances are in mean edges of the mesh, weights relative to the plane of a face. Tuned on
+/// human captures at a tenth of their faces.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Weight of the pull along the surface.
+    pub weight: f64,
+    /// Weight of the pull towards the surface.
+    pub normal_weight: f64,
+    /// Merging two anchors that fit perfectly costs 1 + this times as much.
+    pub merge_penalty: f64,
+    /// The share of the pull that is left far from the current surface, as far as the anchor fits, 0 to 1.
+    pub far_pull: f64,
+    /// The distance between the registered and the current surface at which an anchor's pull has
+    /// fallen by 0.4 of what it may fall by.
+    pub pull_scale: f64,
+    /// The distance at which the whole anchor's weight, its penalty included, has fallen to 0.6:
+    /// an anchor may be unfit to say where exactly a vertex belongs and still say that one does.
+    pub residual_scale: f64,
+    /// The angle between the normals of the two surfaces, in degrees, for which that holds too.
+    pub angle_scale_degrees: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            weight: 0.95,
+            normal_weight: 2.1,
+            merge_penalty: 0.9,
+            pull_scale: 0.02,
+            far_pull: 0.12,
+            residual_scale: 0.3,
+            angle_scale_degrees: 30.0,
+        }
+    }
+}
+
+/// The anchors of a mesh, at most one a vertex.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Anchors {
+    /// By vertex, ascending.
+    anchors: Vec<Anchor>,
+    merge_penalty: f64,
+    /// The mean fit of all that was carried, 0 to 1.
+    mean_fit: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Anchor {
+    vertex: u32,
+    position: Point,
+    /// How well it fits, above 0 and at most 1.
+    fit: f64,
+    /// The weight of its pull in all directions.
+    weight: f64,
+    /// What the weight towards the surface is above that; may be below 0.
+    plane_weight: f64,
+    /// The surface's, of unit length; zero if it has none.
+    normal: Vector,
+}
+
+/// Anchors that fit less are left out.
+const MIN_FIT: f64 = 0.01;
+
+/// A pull is never weaker than this share of what it may be: it then decides nothing but where
+/// on a plane a vertex goes.
+const MIN_PULL: f64 = 1e-6;
+
+impl Anchors {
+    /// Anchors `mesh` to what was carried onto it.
+    ///
+    /// `surface` is that of `mesh`, and `mean_edge` the mean length of its edges. Of several
+    /// anchors for the same vertex the fittest stays.
+    #[must_use]
+    pub fn new(
+        carried: &[Carried],
+        mesh: &TriangleMesh,
+        (surface, mean_edge): (&TriangleTree, f64),
+        options: &Options,
+    ) -> Self {
+        let attach = |carried| attach(carried, mesh, (surface, mean_edge), options);
+        let mut anchors: Vec<Anchor> = carried.iter().filter_map(attach).collect();
+        let fit: f64 = anchors.iter().map(|anchor| anchor.fit).sum();
+        anchors.sort_by(|a, b| a.vertex.cmp(&b.vertex).then(b.fit.total_cmp(&a.fit)));
+        anchors.dedup_by_key(|anchor| anchor.vertex);
+        Self {
+            anchors,
+            merge_penalty: options.merge_penalty,
+            mean_fit: fit / carried.len().max(1) as f64,
+        }
+    }
+
+    /// How well what was carried fits on the whole, 0 to 1: close to 0 for another scene.
+    #[must_use]
+    pub fn mean_fit(&self) -> f64 {
+        self.mean_fit
+    }
+}
+
+/// The anchor that a carried vertex makes: where its foot meets the current surface.
+fn attach(
+    carried: &Carried,
+    mesh: &TriangleMesh,
+    (surface, mean_edge): (&TriangleTree, f64),
+    options: &Options,
+) -> Option<Anchor> {
+    let closest = surface.closest(&carried.foot);
+    let corners = mesh.triangle(closest.face as usize);
+    let normal = face_normal(corners).unwrap_or_default();
+    let angle = carried.normal.dot(&normal).clamp(-1.0, 1.0).acos();
+    let fit = welsch_weight(closest.distance, options.residual_scale * mean_edge)
+        * welsch_weight(angle, options.angle_scale_degrees.to_radians());
+    let near = welsch_weight(closest.distance, options.pull_scale * mean_edge);
+    let pull = fit * (options.far_pull + (1.0 - options.far_pull) * near);
+    let pull = pull.max(MIN_PULL);
+    let square = |corner: usize| (corners[corner] - closest.position).norm_squared();
+    let nearest = (0..3).min_by(|&i, &j| square(i).total_cmp(&square(j)))?;
+    // Not so for a fit that is not a number, as where the mesh has no size.
+    (MIN_FIT <= fit).then(|| Anchor {
+        vertex: mesh.faces()[closest.face as usize][nearest],
+        position: closest.position,
+        fit,
+        weight: pull * options.weight,
+        plane_weight: pull * (options.normal_weight - options.weight),
+        normal,
+    })
+}
+
+/// The anchors as the simplification goes on.
+pub(super) struct Pulls {
+    of_vertices: Vec<Option<Pull>>,
+    merge_penalty: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Pull {
+    position: Point,
+    fit: f64,
+    quadric: Quadric,
+}
+
+/// det A relative to (trace A / 3)³ above which a pulled quadric has a minimizer: a pull fixes the
+/// directions in which planes leave it open, however many there are.
+const MIN_RELATIVE_DETERMINANT: f64 = 1e-9;
+
+impl Pulls {
+    /// `None` if there are no anchors.
+    pub fn new(
+        anchors: &Anchors,
+        normalization: &Normalization,
+        vertex_count: usize,
+    ) -> Option<Self> {
+        if anchors.anchors.is_empty() {
+            return None;
+        }
+        let positions: Vec<Point> = anchors.anchors.iter().map(|a| a.position).collect();
+        let positions = normalization.apply(&positions);
+        let mut of_vertices = vec![None; vertex_count];
+        for (anchor, position) in anchors.anchors.iter().zip(positions) {
+            of_vertices[anchor.vertex as usize] = Some(Pull {
+                position,
+                fit: anchor.fit,
+                quadric: Quadric::of_point(&position, anchor.weight)
+                    + Quadric::of_plane(&position, &anchor.normal, anchor.plane_weight),
+            });
+        }
+        Some(Self {
+            of_vertices,
+            merge_penalty: anchors.merge_penalty,
+        })
+    }
+
+    /// `b` was merged into `a`, which went to `position`: of two anchors the nearer one stays.
+    pub fn merge(&mut self, (a, b): (u32, u32), position: &Point) {
+        let of_b = self.of_vertices[b as usize].take();
+        let of_a = &mut self.of_vertices[a as usize];
+        let square = |pull: &Pull| (pull.position - position).norm_squared();
+        *of_a = match (*of_a, of_b) {
+            (Some(of_a), Some(of_b)) if square(&of_b) < square(&of_a) => Some(of_b),
+            (Some(of_a), _) => Some(of_a),
+            (None, of_b) => of_b,
+        };
+    }
+
+    /// Where the vertices of `edge` would be merged, given the `quadric` of both, and what that
+    /// costs. Of two anchors the one that costs less pulls.
+    pub fn place(&self, quadric: &Quadric, edge: Edge, (v1, v2): (&Point, &Point)) -> (Point, f64) {
+        let pulls = [edge.0, edge.1].map(|vertex| self.of_vertices[vertex as usize].as_ref());
+        let mut best: Option<(Point, f64)> = None;
+        for pull in pulls.into_iter().flatten() {
+            let pulled = *quadric + pull.quadric;
+            let Some(position) = pulled.minimizer_above(MIN_RELATIVE_DETERMINANT) else {
+                continue;
+            };
+            let cost = pulled.cost(&position);
+            if best.is_none_or(|(_, lowest)| cost < lowest) {
+                best = Some((position, cost));
+            }
+        }
+        let (position, cost) = best.unwrap_or_else(|| {
+            let position = place(quadric, v1, v2, None);
+            (position, quadric.cost(&position))
+        });
+        let penalty = match pulls {
+            [Some(one), Some(other)] => self.merge_penalty * one.fit.min(other.fit),
+            _ => 0.0,
+        };
+        (position, cost * (1.0 + penalty))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::mean_edge;
+    use crate::registration::carry;
+    use crate::simplification::{Options as Target, simplify, simplify_anchored};
+    use crate::spatial::VertexTree;
+
+    /// A bumpy sheet whose grid is shifted by a share of its spacing, so that the same surface
+    /// has other vertices.
+    fn sheet(shift: f64) -> TriangleMesh {
+        let side = 40u32;
+        let at = |i: u32, j: u32| {
+            // The outline stays.
+            let moved = |k: u32| {
+                f64::from(k)
+                    + if k.is_multiple_of(side - 1) {
+                        0.0
+                    } else {
+                        shift
+                    }
+            };
+            let (x, y) = (moved(i), moved(j));
+            Point::new(x, y, (0.3 * x).sin() + (0.25 * y).cos())
+        };
+        let positions = (0..side * side).map(|k| at(k / side, k % side)).collect();
+        let faces = (0..(side - 1) * (side - 1)).flat_map(|k| {
+            let a = k / (side - 1) * side + k % (side - 1);
+            [[a, a + side, a + 1], [a + 1, a + side, a + side + 1]]
+        });
+        TriangleMesh::new(positions, faces.collect()).unwrap()
+    }
+
+    fn anchors(previous: &TriangleMesh, source: &TriangleMesh, mesh: &TriangleMesh) -> Anchors {
+        let carried = carry(previous.positions(), source, source);
+        let surface = TriangleTree::new(mesh).unwrap();
+        Anchors::new(
+            &carried,
+            mesh,
+            (&surface, mean_edge(mesh)),
+            &Options::default(),
+        )
+    }
+
+    /// The share of `next`'s vertices that are within a tenth of its mean edge of one before.
+    fn persistence(previous: &TriangleMesh, next: &TriangleMesh) -> f64 {
+        let tree = VertexTree::new(previous.positions()).unwrap();
+        let radius = 0.1 * mean_edge(next);
+        let near = |p: &&Point| tree.nearest(p).1 < radius;
+        next.positions().iter().filter(near).count() as f64 / next.vertex_count() as f64
+    }
+
+    #[test]
+    fn twice_as_many_vertices_come_back_with_anchors() {
+        let (before, after) = (sheet(0.0), sheet(0.4));
+        let target = Target::to_faces(300);
+        let previous = simplify(&before, None, &target).mesh;
+        let anchors = anchors(&previous, &before, &after);
+        let anchored = simplify_anchored(&after, &anchors, &target).mesh;
+        let alone = simplify(&after, None, &target).mesh;
+        let (with, without) = (
+            persistence(&previous, &anchored),
+            persistence(&previous, &alone),
+        );
+        assert!(2.0 * without < with, "{without} {with}");
+    }
+
+    #[test]
+    fn what_was_carried_far_away_anchors_nothing() {
+        let mesh = sheet(0.0);
+        let target = Target::to_faces(300);
+        let previous = simplify(&mesh, None, &target).mesh;
+        let away = mesh
+            .positions()
+            .iter()
+            .map(|p| p + Vector::z() * 50.0)
+            .collect();
+        let registered = mesh.with_positions(away).unwrap();
+        let carried = carry(previous.positions(), &mesh, &registered);
+        let surface = TriangleTree::new(&mesh).unwrap();
+        let options = Options::default();
+        let anchors = Anchors::new(&carried, &mesh, (&surface, mean_edge(&mesh)), &options);
+        assert!(anchors.mean_fit() < 1e-9);
+        let anchored = simplify_anchored(&mesh, &anchors, &target);
+        assert_eq!(anchored, simplify(&mesh, None, &target));
+    }
+}
