@@ -6,7 +6,7 @@ export PATH := $(HOME)/.cargo/bin:$(PATH)
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
 demo: build
-	STEADYMESH=$${CARGO_TARGET_DIR:-target}/debug/steadymesh scripts/demo $(SEQ)
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/release/steadymesh scripts/demo $(SEQ)
 
 # Installs what is missing, then runs every test.
 test:
@@ -26,11 +26,11 @@ lint:
 	npm --prefix web ci
 	npm --prefix web run check
 
-# The binary, with the page in it.
+# The binary as it is meant to run, with the page in it.
 build:
 	scripts/install-dependencies build
 	$(MAKE) page
-	cargo build
+	cargo build --release
 
 page:
 	npm --prefix web ci
