@@ -1,7 +1,9 @@
 //! The mesh as it shrinks, and which collapses keep it a manifold.
 
-use crate::mesh::{Rows, vertex_faces};
+use crate::mesh::vertex_faces;
 use crate::{Face, Point, TriangleMesh, Vector};
+
+use super::faces_around::{FacesAround, MAX_VALENCE};
 
 /// Faces and who is around whom, under edge collapses.
 pub(super) struct Connectivity {
@@ -10,13 +12,6 @@ pub(super) struct Connectivity {
     face_count: usize,
     around: FacesAround,
     marks: Marks,
-}
-
-/// The faces around each vertex. A vertex that takes in another one gets a new row at the end.
-struct FacesAround {
-    starts: Vec<u32>,
-    lengths: Vec<u32>,
-    faces: Vec<u32>,
 }
 
 /// Tells in one look whether a vertex has been seen since the last fresh mark.
@@ -61,7 +56,13 @@ impl Connectivity {
             .map(|(face, _)| *face)
     }
 
-    /// Puts the vertices that share an edge with `vertex` into `neighbors`, each once.
+    /// Whether a vertex has so many faces that no collapse may touch it.
+    pub fn is_hub(&self, vertex: u32) -> bool {
+        self.around.is_hub(vertex)
+    }
+
+    /// Puts the vertices that share an edge with `vertex`, which is not a hub, into `neighbors`,
+    /// each once.
     pub fn neighbors(&mut self, vertex: u32, neighbors: &mut Vec<u32>) {
         neighbors.clear();
         let mark = self.marks.fresh();
@@ -82,17 +83,26 @@ impl Connectivity {
             .filter_map(move |&face| apex(self.faces[face as usize], a, b))
     }
 
-    /// The number of faces on the edge between `a` and `b`.
+    /// The number of faces on the edge between `a` and `b`, not both of them hubs unless nothing
+    /// was collapsed yet.
     pub fn face_count_on(&self, a: u32, b: u32) -> usize {
-        self.apexes(a, b).count()
+        if self.around.valence(a) <= self.around.valence(b) {
+            self.apexes(a, b).count()
+        } else {
+            self.apexes(b, a).count()
+        }
     }
 
-    /// Whether collapsing the edge between `a` and `b` leaves a surface of the same kind.
+    /// Whether collapsing the edge between `a` and `b` leaves a surface of the same kind, and no
+    /// vertex with more than [`MAX_VALENCE`] faces.
     ///
     /// The link condition, Lk(a) ∩ Lk(b) = Lk(ab): Dey, Edelsbrunner, Guha and Nekhayev,
     /// "Topology Preserving Edge Contraction", Publications de l'Institut Mathématique 66(80),
     /// 1999, with the boundary closed by an imagined vertex.
     pub fn may_collapse(&mut self, a: u32, b: u32) -> bool {
+        if MAX_VALENCE < self.around.valence(a) + self.around.valence(b) {
+            return false;
+        }
         let mut apexes = self.apexes(a, b);
         let (first, second) = (apexes.next(), apexes.next());
         let (Some(first), None) = (first, apexes.next()) else {
@@ -107,7 +117,7 @@ impl Connectivity {
         if [Some(first), second]
             .into_iter()
             .flatten()
-            .any(|apex| self.around.row(apex).len() == 1)
+            .any(|apex| self.around.valence(apex) == 1)
         {
             return false;
         }
@@ -188,69 +198,27 @@ impl Connectivity {
 
     /// Merges `b` into `a`. The faces on their edge vanish.
     pub fn collapse(&mut self, a: u32, b: u32) {
-        let start = self.around.faces.len();
+        let start = self.around.start_row();
         for index in self.around.range(a) {
-            let face = self.around.faces[index];
+            let face = self.around.at(index);
             match apex(self.faces[face as usize], a, b) {
                 Some(apex) => {
                     self.alive[face as usize] = false;
                     self.face_count -= 1;
-                    self.around.remove(apex, face);
+                    self.around.remove(apex, face, &self.alive);
                 }
-                None => self.around.faces.push(face),
+                None => self.around.push(face),
             }
         }
         for index in self.around.range(b) {
-            let face = self.around.faces[index];
+            let face = self.around.at(index);
             if self.alive[face as usize] {
                 let corners = &mut self.faces[face as usize];
                 *corners = corners.map(|corner| if corner == b { a } else { corner });
-                self.around.faces.push(face);
+                self.around.push(face);
             }
         }
-        self.around.lengths[b as usize] = 0;
-        self.around.starts[a as usize] = start as u32;
-        self.around.lengths[a as usize] = (self.around.faces.len() - start) as u32;
-    }
-}
-
-impl FacesAround {
-    fn new(vertex_count: usize, rows: &Rows) -> Self {
-        let lengths: Vec<u32> = (0..vertex_count)
-            .map(|vertex| rows.row(vertex).len() as u32)
-            .collect();
-        let mut end = 0;
-        let starts = lengths.iter().map(|length| {
-            end += length;
-            end - length
-        });
-        Self {
-            starts: starts.collect(),
-            faces: (0..vertex_count)
-                .flat_map(|v| rows.row(v).iter().copied())
-                .collect(),
-            lengths,
-        }
-    }
-
-    #[inline]
-    fn range(&self, vertex: u32) -> std::ops::Range<usize> {
-        let start = self.starts[vertex as usize] as usize;
-        start..start + self.lengths[vertex as usize] as usize
-    }
-
-    #[inline]
-    fn row(&self, vertex: u32) -> &[u32] {
-        &self.faces[self.range(vertex)]
-    }
-
-    fn remove(&mut self, vertex: u32, face: u32) {
-        let range = self.range(vertex);
-        let row = &mut self.faces[range];
-        if let Some(place) = row.iter().position(|&f| f == face) {
-            row[place] = row[row.len() - 1];
-            self.lengths[vertex as usize] -= 1;
-        }
+        self.around.finish_row(start, (a, b));
     }
 }
 

@@ -132,6 +132,9 @@ fn initial_quadrics(
     quadrics
 }
 
+/// How often the queue is filled again for one pass, at the most; captures need one or two.
+const MAX_ROUNDS: usize = 16;
+
 /// Costs below this (a distance of 1e-9 of the diagonal, squared) are rounding, and all alike.
 const NO_COST: f64 = 1e-18;
 
@@ -166,7 +169,7 @@ impl Run {
     /// is filled again as long as that helps.
     fn collapse_to(&mut self, target: usize) {
         for pass in [Pass::Strict, Pass::TopologyOnly] {
-            loop {
+            for _ in 0..MAX_ROUNDS {
                 self.fill_queue();
                 let before = self.collapses;
                 self.drain_queue(target, pass);
@@ -187,7 +190,9 @@ impl Run {
     fn fill_queue(&mut self) {
         self.queue.clear();
         for vertex in 0..self.connectivity.vertex_count() as u32 {
-            self.queue_edges(vertex, |vertex, neighbor| vertex < neighbor);
+            if !self.connectivity.is_hub(vertex) {
+                self.queue_edges(vertex, |vertex, neighbor| vertex < neighbor);
+            }
         }
     }
 
@@ -200,10 +205,11 @@ impl Run {
                 return;
             };
             let Edge(a, b) = edge;
+            if !self.connectivity.may_collapse(a, b) {
+                continue;
+            }
             let vanishing = self.connectivity.face_count_on(a, b);
-            if self.connectivity.face_count() < target + vanishing
-                || !self.connectivity.may_collapse(a, b)
-            {
+            if self.connectivity.face_count() < target + vanishing {
                 continue;
             }
             // Nothing around the edge has changed since it was queued: the same as then.

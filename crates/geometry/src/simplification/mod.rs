@@ -14,6 +14,7 @@
 pub mod anchors;
 mod connectivity;
 mod edge_collapse;
+mod faces_around;
 mod normalization;
 mod placement;
 mod quadric;

@@ -38,7 +38,12 @@ pub(super) struct Queue {
     heap: BinaryHeap<Reverse<Entry>>,
     lists: Vec<List>,
     candidates: Vec<Candidate>,
+    /// Length of `candidates` at which the space of old lists is given back.
+    compact_at: usize,
 }
+
+/// Not worth giving back.
+const MIN_COMPACTED: usize = 1 << 16;
 
 /// An owner's part of the candidates.
 #[derive(Clone, Copy, Default)]
@@ -62,16 +67,21 @@ impl Queue {
             heap: BinaryHeap::with_capacity(vertex_count),
             lists: vec![List::default(); vertex_count],
             candidates: Vec::new(),
+            compact_at: MIN_COMPACTED,
         }
     }
 
     pub fn clear(&mut self) {
         self.heap.clear();
         self.candidates.clear();
+        self.lists.iter_mut().for_each(|list| list.length = 0);
     }
 
     /// Replaces `owner`'s list.
     pub fn set(&mut self, owner: u32, candidates: &[Candidate]) {
+        if self.compact_at < self.candidates.len() {
+            self.compact();
+        }
         let list = &mut self.lists[owner as usize];
         *list = List {
             start: self.candidates.len() as u32,
@@ -85,6 +95,18 @@ impl Queue {
             generation: list.generation,
         });
         self.heap.extend(entry.map(Reverse));
+    }
+
+    /// Gives back the space of lists that were replaced and of candidates that were taken out.
+    fn compact(&mut self) {
+        let mut kept = Vec::with_capacity(self.compact_at);
+        for list in &mut self.lists {
+            let start = list.start as usize;
+            list.start = kept.len() as u32;
+            kept.extend_from_slice(&self.candidates[start..start + list.length as usize]);
+        }
+        self.candidates = kept;
+        self.compact_at = MIN_COMPACTED.max(3 * self.candidates.len());
     }
 
     /// Takes out the cheapest candidate that `is_current`; the others are dropped as they are

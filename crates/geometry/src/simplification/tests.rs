@@ -129,3 +129,34 @@ fn a_reference_pulls_the_result_towards_itself() {
     let tracked = mean_radius(&simplify(&current, Some(&reference), &options).mesh);
     assert!(untracked + 0.002 < tracked, "{untracked} {tracked}");
 }
+
+/// `n` faces around a vertex above a circle, and as many below it if the circle is `closed`.
+fn hub(n: u32, closed: bool) -> TriangleMesh {
+    let mut positions = vec![Point::new(0.0, 0.0, 0.2), Point::new(0.0, 0.0, -0.2)];
+    positions.extend((0..n).map(|i| {
+        let angle = std::f64::consts::TAU * f64::from(i) / f64::from(n);
+        Point::new(angle.cos(), angle.sin(), 0.0)
+    }));
+    let at = |i: u32| 2 + i % n;
+    let above = (0..n).map(|i| [0, at(i), at(i + 1)]);
+    let below = (0..n).filter(|_| closed).map(|i| [1, at(i + 1), at(i)]);
+    TriangleMesh::new(positions, above.chain(below).collect()).unwrap()
+}
+
+/// A collapse at such a vertex costs as much as it has faces: this takes minutes if all are made
+/// there.
+#[test]
+fn a_vertex_with_100_000_faces_is_simplified_to_the_target() {
+    for closed in [false, true] {
+        let simplified = simplify(&hub(100_000, closed), None, &Options::to_faces(100));
+        assert!(simplified.target_reached);
+        assert_eq!(simplified.mesh.face_count(), 100);
+        let highest = simplified
+            .mesh
+            .positions()
+            .iter()
+            .map(|p| p.z)
+            .fold(0.0, f64::max);
+        assert!(0.15 < highest, "the hub is at {highest}");
+    }
+}
