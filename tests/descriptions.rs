@@ -11,8 +11,8 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{
-    Consistency, DistancePair, Input, Output, Registration, Residual, StageTimes, Statistics,
-    Tracking,
+    Consistency, DistancePair, Input, Output, Quality, Registration, Residual, StageTimes,
+    Statistics, Tracking,
 };
 use steadymesh_proto::stream::{
     Accepted, ControlMessage, DracoConfig, DropReason, EndReason, FrameState, MetricsMode,
@@ -413,6 +413,7 @@ fn metrics() -> FrameMetrics {
         seq: 41,
         capture_time_us: Some(1_700_000_000_000_000),
         tracking: Tracking::Paper,
+        quality: Quality::Sampled,
         reference_seq: Some(40),
         input: Input::default(),
         output: Output::default(),

@@ -18,6 +18,40 @@ pub enum Tracking {
     Robust,
 }
 
+/// How much of the processing that was asked for a frame got. A live stream under load leaves out
+/// some before it drops frames; each step leaves out what the one before does, too.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum Quality {
+    /// All of it.
+    #[default]
+    Full,
+    /// Surface distances of some vertices only, and no vertex distances.
+    Sampled,
+    /// A coarser registration.
+    Quick,
+    /// No registration, and so no tracking.
+    Untracked,
+}
+
+impl Quality {
+    /// All of them, the cheapest last.
+    pub const ALL: [Self; 4] = [Self::Full, Self::Sampled, Self::Quick, Self::Untracked];
+
+    /// The name in JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Full => "full",
+            Self::Sampled => "sampled",
+            Self::Quick => "quick",
+            Self::Untracked => "untracked",
+        }
+    }
+}
+
 /// One frame's metrics.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameMetrics {
@@ -28,6 +62,9 @@ pub struct FrameMetrics {
     /// How it was simplified: `off` for a first frame, where registration failed, and where what
     /// it found does not fit at all.
     pub tracking: Tracking,
+    /// What was left out because frames came too fast.
+    #[serde(default)]
+    pub quality: Quality,
     /// The frame that was registered onto it; none where none was.
     pub reference_seq: Option<u64>,
     /// What came in.

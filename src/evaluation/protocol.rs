@@ -3,6 +3,7 @@
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_geometry::mesh::EdgeTable;
 use steadymesh_proto::metrics::{Consistency, Statistics, Tracking};
+use steadymesh_proto::stream::MetricsMode;
 
 use crate::pipeline::{
     PreparedFrame, ProcessFailed, ProcessedFrame, Settings, TargetSize, process,
@@ -110,7 +111,7 @@ impl Protocol {
                     target: TargetSize::Faces(target.target_faces),
                     tracking: run.tracking,
                     // Measured here, against trees that are built once for all runs.
-                    measure: false,
+                    metrics: MetricsMode::Off,
                     ..self.settings.clone()
                 };
                 let before = match run.last.take() {

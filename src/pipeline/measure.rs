@@ -1,56 +1,84 @@
 //! The figures of section 4.1 of the Tracked QEM paper, as they are delivered.
 
-use steadymesh_geometry::TriangleMesh;
+use std::borrow::Cow;
+
 use steadymesh_geometry::metrics::{
     DistanceStatistics, surface_distances, vertex_distances, vertex_to_surface_distances,
 };
 use steadymesh_geometry::registration::Registration;
 use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
+use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::metrics::{self, DistancePair, FrameMetrics, Residual, Statistics};
+use steadymesh_proto::stream::MetricsMode;
 
 /// Fills in the distances of `output` to `current` and to `registered`, and those of `current`
 /// to `output`.
 ///
 /// `output` is the mesh that players see, after quantization. `current_surface` is `current`'s, if
-/// there is one already. Meshes without faces, which do not come this far, leave the figures out.
+/// there is one already. `mode` says from which vertices. Meshes without faces, which do not come
+/// this far, leave the figures out.
 pub(super) fn add_distances(
     metrics: &mut FrameMetrics,
     output: &TriangleMesh,
     (current, current_surface): (&TriangleMesh, Option<&TriangleTree>),
     registered: Option<&TriangleMesh>,
+    mode: MetricsMode,
 ) {
-    let to_previous = registered.and_then(|mesh| to_mesh(output, (mesh, None)));
-    let (previous_surface, previous_vertices) = to_previous.unzip();
-    if let Some((surface, vertices)) = to_mesh(output, (current, current_surface)) {
-        metrics.surface_distance = Some(DistancePair {
-            previous: previous_surface,
-            current: surface,
-        });
-        metrics.vertex_distance = Some(DistancePair {
-            previous: previous_vertices,
-            current: vertices,
-        });
+    let from = measured_of(output.positions(), mode);
+    metrics.surface_distance = pair(
+        to_surface(&from, current, current_surface),
+        registered.and_then(|mesh| to_surface(&from, mesh, None)),
+    );
+    if mode == MetricsMode::Full {
+        metrics.vertex_distance = pair(
+            to_vertices(&from, current),
+            registered.and_then(|mesh| to_vertices(&from, mesh)),
+        );
     }
     metrics.current_to_output = TriangleTree::new(output)
-        .map(|tree| vertex_to_surface_distances(current.positions(), current.faces(), &tree))
+        .map(|tree| match measured_of(current.positions(), mode) {
+            Cow::Borrowed(all) => vertex_to_surface_distances(all, current.faces(), &tree),
+            Cow::Owned(some) => surface_distances(&some, &tree),
+        })
         .map(|distances| statistics(&distances));
 }
 
-/// From each vertex of `output` to the surface of `mesh`, and to its vertices.
-fn to_mesh(
-    output: &TriangleMesh,
-    (mesh, surface): (&TriangleMesh, Option<&TriangleTree>),
-) -> Option<(Statistics, Statistics)> {
+/// Vertices measured from, at the most, where they are sampled: a mean of so many distances is
+/// some percent from that of all. The trees cost as much as the distances, so nearest vertices are
+/// left out.
+const MAX_SAMPLES: usize = 1000;
+
+/// Those of `points` that are measured from.
+fn measured_of(points: &[Point], mode: MetricsMode) -> Cow<'_, [Point]> {
+    let stride = points.len().div_ceil(MAX_SAMPLES);
+    match mode {
+        MetricsMode::Sampled if 1 < stride => points.iter().step_by(stride).copied().collect(),
+        MetricsMode::Full | MetricsMode::Sampled | MetricsMode::Off => Cow::Borrowed(points),
+    }
+}
+
+fn pair(current: Option<Statistics>, previous: Option<Statistics>) -> Option<DistancePair> {
+    current.map(|current| DistancePair { previous, current })
+}
+
+/// From each of `points` to a mesh's surface, which may be there already.
+fn to_surface(
+    points: &[Point],
+    mesh: &TriangleMesh,
+    surface: Option<&TriangleTree>,
+) -> Option<Statistics> {
     let mut built = None;
     let surface = match surface {
         Some(surface) => surface,
         None => built.insert(TriangleTree::new(mesh)?),
     };
+    Some(statistics(&surface_distances(points, surface)))
+}
+
+/// From each of `points` to the nearest vertex of a mesh.
+fn to_vertices(points: &[Point], mesh: &TriangleMesh) -> Option<Statistics> {
     let vertices = VertexTree::new(mesh.positions())?;
-    Some((
-        statistics(&surface_distances(output.positions(), surface)),
-        statistics(&vertex_distances(output.positions(), &vertices)),
-    ))
+    Some(statistics(&vertex_distances(points, &vertices)))
 }
 
 /// How well the reference was registered.

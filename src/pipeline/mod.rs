@@ -9,6 +9,7 @@
 mod measure;
 mod prepare;
 mod process;
+mod quality;
 mod register;
 mod settings;
 

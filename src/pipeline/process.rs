@@ -11,6 +11,7 @@ use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Output, Tracking};
+use steadymesh_proto::stream::MetricsMode;
 
 use super::register::CarriedOutput;
 use super::{PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
@@ -98,9 +99,10 @@ pub fn process_registered(
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
+    let measured = settings.metrics != MetricsMode::Off;
     let carried = registered
         .as_ref()
-        .zip(previous_output.filter(|_| settings.measure || settings.tracking == Tracking::Robust))
+        .zip(previous_output.filter(|_| measured || settings.tracking == Tracking::Robust))
         .map(|(registered, output)| registered.carry(output));
     let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
     let (registered, registration) = registered.map(|r| (r.mesh, r.figures)).unzip();
@@ -130,9 +132,15 @@ pub fn process_registered(
     };
     observer.ended(Stage::Encode);
 
-    if settings.measure {
+    if measured {
         let current = (current.mesh(), surface.as_deref());
-        measure::add_distances(&mut metrics, &mesh, current, registered.as_ref());
+        measure::add_distances(
+            &mut metrics,
+            &mesh,
+            current,
+            registered.as_ref(),
+            settings.metrics,
+        );
         metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh));
     }
     observer.ended(Stage::Measure);

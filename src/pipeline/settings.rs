@@ -3,6 +3,7 @@
 use steadymesh_draco::EncodeOptions;
 use steadymesh_geometry::registration;
 use steadymesh_proto::metrics::Tracking;
+use steadymesh_proto::stream::MetricsMode;
 
 /// How many faces are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,8 +82,8 @@ pub struct Settings {
     pub draco: EncodeOptions,
     /// How the previous frame is registered.
     pub registration: registration::Options,
-    /// Whether distances are measured; without them a frame costs less.
-    pub measure: bool,
+    /// Which distances are measured; without them a frame costs less.
+    pub metrics: MetricsMode,
 }
 
 impl Default for Settings {
@@ -93,7 +94,7 @@ impl Default for Settings {
             tracking: Tracking::Paper,
             draco: EncodeOptions::default(),
             registration: registration::Options::default(),
-            measure: true,
+            metrics: MetricsMode::Full,
         }
     }
 }

@@ -8,6 +8,8 @@
 
 mod history;
 mod intake;
+mod job;
+mod ladder;
 mod name;
 mod pattern;
 mod publication;

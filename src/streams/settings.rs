@@ -1,7 +1,7 @@
 //! From a stream's configuration, as users write it, to the pipeline's settings.
 
 use serde::{Deserialize, Serialize};
-use steadymesh_proto::stream::{DracoConfig, MetricsMode, Overload, StreamConfig};
+use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig};
 
 use crate::pipeline::{InvalidSettings, Settings, TargetSize};
 
@@ -112,7 +112,7 @@ impl Configured {
                 target,
                 tracking,
                 draco,
-                measure: metrics == MetricsMode::Full,
+                metrics,
                 ..own
             },
             overload,
@@ -138,6 +138,7 @@ fn target_of(config: &StreamConfig) -> Result<Option<TargetSize>, InvalidConfig>
 mod tests {
     use super::*;
     use steadymesh_proto::metrics::Tracking;
+    use steadymesh_proto::stream::MetricsMode;
 
     fn parse(asked: &str, defaults: &str) -> Result<Configured, InvalidConfig> {
         let config = |text| serde_json::from_str::<StreamConfig>(text).unwrap();
@@ -155,7 +156,7 @@ mod tests {
             (14, 7)
         );
         assert_eq!(out.config.target_faces, None);
-        assert!(out.settings.measure);
+        assert_eq!(out.settings.metrics, MetricsMode::Full);
     }
 
     #[test]

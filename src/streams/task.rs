@@ -8,7 +8,8 @@
 //! Waiting frames are bounded by `queue_depth`. With `overload: lossless` a frame keeps its place
 //! in the queue until it is started on, and when there is no place publishers are told to wait.
 //! With `overload: live` it keeps it only until it has been read, and the oldest frame that has
-//! been read gives way to the newest one.
+//! been read gives way to the newest one. Before that happens, less is done for each frame: see
+//! [`Ladder`].
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -19,20 +20,19 @@ use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt, ready};
 use futures_util::stream::FuturesOrdered;
 use steadymesh_geometry::TriangleMesh;
-use steadymesh_mesh_io::{Limits, read};
-use steadymesh_proto::metrics::{StageTimes, Tracking};
+use steadymesh_mesh_io::Limits;
+use steadymesh_proto::metrics::{Quality, StageTimes};
 use steadymesh_proto::stream::{Accepted, EndReason, Overload};
 use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
 
-use crate::compute::{ComputePool, JobPanicked, Length};
-use crate::pipeline::{
-    PreparedFrame, Previous, ProcessFailed, ProcessedFrame, RawFrame, Stage, StageObserver,
-    process, process_registered, register,
-};
-use crate::stopwatch::{Stopwatch, microseconds};
+use crate::compute::{ComputePool, Length};
+use crate::pipeline::PreparedFrame;
+use crate::stopwatch::microseconds;
 
 use super::history::Loss;
-use super::intake::{Incoming, Refused, Submission};
+use super::intake::{Incoming, Refused};
+use super::job::{Job, Lost, Outcome, prepare};
+use super::ladder::Ladder;
 use super::settings::Configured;
 use super::stream::{Request, Stream};
 
@@ -84,14 +84,8 @@ struct Waiting {
 struct Done {
     stamps: Stamps,
     reference_seq: Option<u64>,
+    quality: Quality,
     outcome: Outcome,
-}
-
-#[derive(Debug)]
-enum Lost {
-    Overload,
-    Failed(ProcessFailed),
-    Panicked,
 }
 
 /// Everything that changes while a stream lives.
@@ -106,6 +100,7 @@ struct State {
     /// What becomes of it, once it is known; closed if it is lost.
     previous_output: Option<oneshot::Receiver<TriangleMesh>>,
     latest_seq: Option<u64>,
+    ladder: Ladder,
 }
 
 impl Task {
@@ -164,6 +159,7 @@ impl Task {
                 }
             }
             self.start(state, threads);
+            self.press(state);
             if closed && state.is_empty() {
                 return EndReason::Shutdown;
             }
@@ -267,9 +263,21 @@ impl Task {
             let done = Done {
                 stamps: oldest.stamps,
                 reference_seq: None,
+                quality: Quality::default(),
                 outcome: Err(Lost::Overload),
             };
             state.processing.push_back(ready(done).boxed());
+        }
+    }
+
+    /// Lets a live stream leave out what it must, so that the frames that wait get their turn.
+    fn press(&self, state: &mut State) {
+        let configured = self.stream.configured();
+        if configured.overload == Overload::Live {
+            let steps = configured.settings.qualities().len() - 1;
+            state
+                .ladder
+                .press(state.waiting.len(), self.queue_depth, steps);
         }
     }
 
@@ -289,9 +297,11 @@ impl Task {
             let previous = state.previous.replace((stamps.seq, Arc::clone(&frame)));
             let (previous_seq, previous) = previous.unzip();
             let (sender, output) = oneshot::channel();
+            let configured = self.stream.configured();
+            let quality = quality(&mut state.ladder, state.waiting.len(), &configured);
             let job = Job {
                 pool: Arc::clone(&self.pool),
-                configured: self.stream.configured(),
+                settings: configured.settings.at(quality),
                 frame,
                 previous,
                 previous_output: state.previous_output.replace(output),
@@ -306,6 +316,7 @@ impl Task {
                 Done {
                     stamps,
                     reference_seq: previous_seq,
+                    quality,
                     outcome,
                 }
             }));
@@ -317,6 +328,7 @@ impl Task {
         let Done {
             stamps,
             reference_seq,
+            quality,
             outcome,
         } = done;
         let stream = &self.stream;
@@ -329,6 +341,7 @@ impl Task {
             Ok((processed, times)) => {
                 let mut metrics = processed.metrics;
                 metrics.seq = stamps.seq;
+                metrics.quality = quality;
                 metrics.capture_time_us = stamps.capture_time_us;
                 metrics.reference_seq = reference_seq.filter(|_| metrics.registration.is_some());
                 metrics.stage_us = times;
@@ -350,83 +363,11 @@ impl Task {
     }
 }
 
-/// All that a frame is processed with.
-struct Job {
-    pool: Arc<ComputePool>,
-    configured: Arc<Configured>,
-    frame: Arc<PreparedFrame>,
-    previous: Option<Arc<PreparedFrame>>,
-    previous_output: Option<oneshot::Receiver<TriangleMesh>>,
-    times: StageTimes,
-}
-
-type Outcome = Result<(ProcessedFrame, StageTimes), Lost>;
-
-impl Job {
-    async fn run(self) -> Outcome {
-        let Self {
-            pool,
-            configured,
-            frame,
-            previous,
-            previous_output,
-            times,
-        } = self;
-        let waits = configured.settings.tracking == Tracking::Robust;
-        let (Some(previous), Some(previous_output), true) = (&previous, previous_output, waits)
-        else {
-            let job = move || {
-                let mut stopwatch = Stopwatch::resume(times);
-                let previous = previous.as_deref().map(|frame| Previous {
-                    frame,
-                    output: None,
-                });
-                process(&frame, previous, &configured.settings, &mut stopwatch)
-                    .map(|processed| (processed, stopwatch.times()))
-            };
-            return outcome(pool.run(Length::Long, job).await);
-        };
-        let (source, target) = (Arc::clone(previous), Arc::clone(&frame));
-        let with = Arc::clone(&configured);
-        let registration = move || {
-            let mut stopwatch = Stopwatch::resume(times);
-            let registered = register(&source, &target, &with.settings.registration);
-            stopwatch.ended(Stage::Register);
-            (registered, stopwatch.times())
-        };
-        let registered = pool.run(Length::Long, registration).await;
-        let (registered, times) = registered.map_err(|JobPanicked| Lost::Panicked)?;
-        let (registered, error) = match registered {
-            Ok(registered) => (Some(registered), None),
-            Err(error) => (None, Some(error.to_string())),
-        };
-        let output = previous_output.await.ok();
-        let job = move || {
-            let mut stopwatch = Stopwatch::resume(times);
-            let settings = &configured.settings;
-            process_registered(
-                &frame,
-                registered,
-                output.as_ref(),
-                settings,
-                &mut stopwatch,
-            )
-            .map(|mut processed| {
-                processed.metrics.registration_error = error;
-                (processed, stopwatch.times())
-            })
-        };
-        outcome(pool.run(Length::Long, job).await)
-    }
-}
-
-fn outcome(
-    run: Result<Result<(ProcessedFrame, StageTimes), ProcessFailed>, JobPanicked>,
-) -> Outcome {
-    match run {
-        Ok(Ok(processed)) => Ok(processed),
-        Ok(Err(failed)) => Err(Lost::Failed(failed)),
-        Err(JobPanicked) => Err(Lost::Panicked),
+/// The quality of the next frame.
+fn quality(ladder: &mut Ladder, waiting: usize, configured: &Configured) -> Quality {
+    match configured.overload {
+        Overload::Live => ladder.start(waiting, &configured.settings.qualities()),
+        Overload::Lossless => Quality::Full,
     }
 }
 
@@ -440,20 +381,4 @@ impl State {
 fn goes_back(seq: u64, latest: Option<u64>) -> Option<Refused> {
     let latest = latest?;
     (seq <= latest).then_some(Refused::SeqGoesBack { seq, latest })
-}
-
-fn prepare(
-    submission: &Submission,
-    limits: &Limits,
-) -> Result<(PreparedFrame, StageTimes), Refused> {
-    let mut stopwatch = Stopwatch::start();
-    let mesh = read(&submission.bytes, submission.format, limits)?;
-    stopwatch.parsed();
-    let raw = RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        byte_count: submission.bytes.len(),
-    };
-    let frame = PreparedFrame::new(raw, &mut stopwatch)?;
-    Ok((frame, stopwatch.times()))
 }

@@ -9,7 +9,7 @@ use prometheus::{
     IntGaugeVec, Opts, Registry,
 };
 use steadymesh_proto::FrameMetrics;
-use steadymesh_proto::metrics::{DistancePair, StageTimes};
+use steadymesh_proto::metrics::{DistancePair, Quality, StageTimes};
 
 /// Around the 33 ms that a frame has at 30 frames per second, in seconds.
 const STAGE_BUCKETS: &[f64] = &[
@@ -33,6 +33,7 @@ pub(super) struct Families {
     bytes_out: IntCounterVec,
     skipped: IntCounterVec,
     registration_failures: IntCounterVec,
+    quality: IntCounterVec,
     queued: IntGaugeVec,
     subscribers: IntGaugeVec,
     latency: HistogramVec,
@@ -96,6 +97,11 @@ impl Families {
                 "Frames simplified without tracking because registration failed.",
                 of_stream,
             )?,
+            quality: counter(
+                "frames_by_quality_total",
+                "Frames that came out, by what was left out because they came too fast.",
+                &["stream", "quality"],
+            )?,
             queued: level("queued_frames", "Frames accepted and not out yet.")?,
             subscribers: level("subscribers", "Players connected.")?,
             latency: histogram(
@@ -149,6 +155,11 @@ impl Families {
         }
         for reason in LOSSES {
             self.dropped.remove_label_values(&[name, reason]).ok();
+        }
+        for quality in Quality::ALL {
+            self.quality
+                .remove_label_values(&[name, quality.name()])
+                .ok();
         }
         for family in [&self.queued, &self.subscribers] {
             family.remove_label_values(&[name]).ok();
@@ -211,6 +222,10 @@ impl StreamMetrics {
             // A counter that starts at 0 is there before the first loss.
             families.dropped.with_label_values(&[name, reason]).reset();
         }
+        for quality in Quality::ALL {
+            let of_quality = &[name, quality.name()];
+            families.quality.with_label_values(of_quality).reset();
+        }
         families
             .registration_failures
             .with_label_values(of_stream)
@@ -245,6 +260,8 @@ impl StreamMetrics {
             let series = self.families.stages.with_label_values(&[name, stage]);
             series.observe(seconds(microseconds));
         }
+        let quality = &[name, metrics.quality.name()];
+        self.families.quality.with_label_values(quality).inc();
         if metrics.registration_error.is_some() {
             self.families
                 .registration_failures

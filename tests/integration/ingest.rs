@@ -2,7 +2,8 @@
 
 use reqwest::StatusCode;
 use serde_json::json;
-use steadymesh_proto::metrics::Tracking;
+use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::metrics::{Quality, Tracking};
 use steadymesh_proto::stream::Accepted;
 
 use crate::support::{frames, frames_of, problem, start, start_with};
@@ -222,6 +223,46 @@ async fn a_live_stream_drops_the_oldest_waiting_frame_and_counts_it() {
     let text = server.internal("/metrics").await.text().await.unwrap();
     let series =
         format!("steadymesh_frames_dropped_total{{reason=\"overload\",stream=\"demo\"}} {dropped}");
+    assert!(text.contains(&series), "{text}");
+}
+
+#[tokio::test]
+async fn a_live_stream_does_less_for_each_frame_before_it_drops_one() {
+    let server = start_with(|config| {
+        config.streams.queue_depth = 4;
+        config.compute.threads = 1;
+        let defaults = &mut config.streams.defaults;
+        defaults.overload = Some(steadymesh_proto::stream::Overload::Live);
+        defaults.tracking = Some(Tracking::Paper);
+    })
+    .await;
+    for (seq, body) in frames_of(8000, 12).into_iter().enumerate() {
+        let url = server.url(&format!("/v1/streams/demo/frames?seq={seq}"));
+        let wait = if seq == 11 { "wait" } else { "handling=strict" };
+        let request = server.client.post(url).header("prefer", wait).body(body);
+        assert!(request.send().await.unwrap().status().is_success());
+    }
+    let out = server.json("/v1/streams/demo/metrics?last=12").await;
+    let out: Vec<FrameMetrics> = serde_json::from_value(out["frames"].clone()).unwrap();
+    for metrics in out.iter().filter(|m| m.quality == Quality::Untracked) {
+        assert_eq!(metrics.tracking, Tracking::Off);
+        assert!(metrics.registration.is_none());
+    }
+    let qualities: Vec<Quality> = out.iter().map(|metrics| metrics.quality).collect();
+    assert_eq!(qualities[0], Quality::Full);
+    let in_order = qualities.is_sorted();
+    assert!(
+        in_order && qualities.ends_with(&[Quality::Untracked]),
+        "{qualities:?}"
+    );
+    let text = server.internal("/metrics").await.text().await.unwrap();
+    let count = qualities
+        .iter()
+        .filter(|&&q| q == Quality::Untracked)
+        .count();
+    let series = format!(
+        "steadymesh_frames_by_quality_total{{quality=\"untracked\",stream=\"demo\"}} {count}"
+    );
     assert!(text.contains(&series), "{text}");
 }
 

@@ -13,6 +13,7 @@ from . import native
 from ._frame import Frame, Mesh, decode_draco
 from ._handle import PublishedFrame
 from ._metrics import (
+    Consistency,
     DistancePair,
     FrameMetrics,
     Input,
@@ -41,6 +42,7 @@ from .errors import (
 
 __all__ = [
     "ConnectionEndedError",
+    "Consistency",
     "DistancePair",
     "Ended",
     "Frame",

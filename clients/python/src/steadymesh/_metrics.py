@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
 __all__ = [
+    "Consistency",
     "DistancePair",
     "FrameMetrics",
     "Input",
@@ -100,6 +101,19 @@ class Registration:
 
 
 @dataclass(frozen=True)
+class Consistency:
+    """What has come back of the previous result, carried along by the registration.
+
+    ``vertex_persistence`` and ``edge_persistence`` are shares, 0 to 1, of the vertices and of the
+    edges; ``flicker`` is the mean distance of the carried surface and the new one.
+    """
+
+    vertex_persistence: float = 0.0
+    edge_persistence: float = 0.0
+    flicker: float = 0.0
+
+
+@dataclass(frozen=True)
 class StageTimes:
     """How long each stage took, in microseconds."""
 
@@ -117,10 +131,13 @@ class FrameMetrics:
 
     - ``seq``: its number; ``capture_time_us``: microseconds since 1970, if the rig said so.
     - ``tracking``: how it was simplified: ``off`` for a first frame and where registration failed.
+    - ``quality``: ``full``, or what a live stream under load left out: ``sampled`` (some
+      distances), ``quick`` (a coarser registration), ``untracked`` (no registration).
     - ``reference_seq``: the frame that was registered onto it; None for the first frame.
     - ``surface_distance``, ``vertex_distance``: from each vertex of the simplified mesh to the
       surface and to the nearest vertex of the frames; ``current_to_output``: from each vertex of
       the frame to the simplified surface. None where the stream's ``metrics`` are ``off``.
+    - ``consistency``: what has come back of the previous result; None without a registration.
     - ``bbox_diagonal``: of the frame's bounding box.
     - ``latency_us``: from the arrival of the whole frame to its delivery, in microseconds.
     - ``raw``: all of it, as the server sent it.
@@ -140,6 +157,8 @@ class FrameMetrics:
     stage_us: StageTimes
     latency_us: int
     registration_error: str | None = None
+    quality: str = "full"
+    consistency: Consistency | None = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -160,8 +179,14 @@ class FrameMetrics:
             stage_us=_flat(StageTimes, document.get("stage_us")),
             latency_us=document.get("latency_us", 0),
             registration_error=document.get("registration_error"),
+            quality=document.get("quality", "full"),
+            consistency=_consistency(document.get("consistency")),
             raw=document,
         )
+
+
+def _consistency(document: Any) -> Consistency | None:
+    return None if document is None else _flat(Consistency, document)
 
 
 def _statistics(document: Any) -> Statistics | None:

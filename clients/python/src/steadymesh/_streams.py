@@ -95,7 +95,7 @@ def configure(
       frame's own (above 0, at most 1).
     - ``tracking``: ``off`` (the original QEM) or ``paper`` (Tracked QEM).
     - ``position_bits``: 6 to 20 per coordinate; ``draco_speed``: 0 (smallest) to 10 (fastest).
-    - ``metrics``: ``full`` or ``off``.
+    - ``metrics``: ``full``, ``sampled`` or ``off``.
     - ``overload``: ``lossless`` (a full queue makes the publisher wait) or ``live`` (the oldest
       waiting frame is dropped).
     - ``extra``: fields of a newer server. A field that the server does not know is an error.
