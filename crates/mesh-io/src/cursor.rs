@@ -1,6 +1,8 @@
 //! Lines and tokens of text formats.
 
-/// The lines of a text, numbered from 1; `\n` and `\r\n` end a line.
+use memchr::memchr2;
+
+/// The lines of a text, numbered from 1; `\n`, `\r\n` and `\r` end a line.
 pub(crate) struct Lines<'a> {
     rest: Option<&'a [u8]>,
     number: usize,
@@ -13,6 +15,11 @@ impl<'a> Lines<'a> {
             number: first_number - 1,
         }
     }
+
+    /// What follows the last line that was given, its ending excluded.
+    pub(crate) fn rest(&self) -> &'a [u8] {
+        self.rest.unwrap_or_default()
+    }
 }
 
 impl<'a> Iterator for Lines<'a> {
@@ -21,17 +28,14 @@ impl<'a> Iterator for Lines<'a> {
     fn next(&mut self) -> Option<Self::Item> {
         let rest = self.rest?;
         self.number += 1;
-        let line = match rest.iter().position(|&byte| byte == b'\n') {
-            Some(end) => {
-                self.rest = Some(&rest[end + 1..]);
-                &rest[..end]
-            }
-            None => {
-                self.rest = None;
-                rest
-            }
+        let Some(end) = memchr2(b'\n', b'\r', rest) else {
+            self.rest = None;
+            return Some((self.number, rest));
         };
-        Some((self.number, line.strip_suffix(b"\r").unwrap_or(line)))
+        let (line, ending) = rest.split_at(end);
+        let length = if ending.starts_with(b"\r\n") { 2 } else { 1 };
+        self.rest = Some(&ending[length..]);
+        Some((self.number, line))
     }
 }
 
@@ -44,6 +48,11 @@ pub(crate) struct Tokens<'a> {
 impl<'a> Tokens<'a> {
     pub(crate) fn new(line: &'a [u8]) -> Self {
         Self { rest: line }
+    }
+
+    /// Whether no word is left.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rest.iter().all(u8::is_ascii_whitespace)
     }
 }
 
@@ -87,9 +96,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_numbered_and_lose_either_ending() {
-        let lines: Vec<_> = Lines::new(b"a\r\n\nb", 1).collect();
-        assert_eq!(lines, [(1, &b"a"[..]), (2, b""), (3, b"b")]);
+    fn lines_are_numbered_and_lose_each_of_the_three_endings() {
+        let lines: Vec<_> = Lines::new(b"a\r\n\nb\r\rc", 1).collect();
+        let expected = [(1, &b"a"[..]), (2, b""), (3, b"b"), (4, b""), (5, b"c")];
+        assert_eq!(lines, expected);
     }
 
     #[test]

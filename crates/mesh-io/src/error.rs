@@ -98,8 +98,8 @@ pub enum ReadError {
         /// What is wrong and where.
         message: String,
     },
-    /// A GLB file does not make sense or needs what is not supported.
-    #[error("GLB: {message}")]
+    /// A glTF file does not make sense or needs what is not supported.
+    #[error("glTF: {message}")]
     Glb {
         /// What is wrong and where.
         message: String,

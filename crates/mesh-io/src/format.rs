@@ -8,7 +8,7 @@ pub enum Format {
     Obj,
     /// Polygon File Format (Stanford), ASCII or binary.
     Ply,
-    /// glTF 2.0, binary container.
+    /// glTF 2.0: the binary container; JSON text is read as well.
     Glb,
     /// Draco.
     Drc,
@@ -16,15 +16,21 @@ pub enum Format {
     Native,
 }
 
-/// Format, file extension, and content types, the first of which is preferred.
-const NAMES: [(Format, &str, &[&str]); 5] = [
-    (Format::Obj, "obj", &["model/obj"]),
-    (Format::Ply, "ply", &["model/ply", "application/x-ply"]),
-    (Format::Glb, "glb", &["model/gltf-binary"]),
-    (Format::Drc, "drc", &["application/vnd.draco"]),
+/// A format, its file extensions and its content types; the first of each is preferred.
+type Names = (Format, &'static [&'static str], &'static [&'static str]);
+
+const NAMES: [Names; 5] = [
+    (Format::Obj, &["obj"], &["model/obj"]),
+    (Format::Ply, &["ply"], &["model/ply", "application/x-ply"]),
+    (
+        Format::Glb,
+        &["glb", "gltf"],
+        &["model/gltf-binary", "model/gltf+json"],
+    ),
+    (Format::Drc, &["drc"], &["application/vnd.draco"]),
     (
         Format::Native,
-        "smf",
+        &["smf"],
         &[steadymesh_proto::NATIVE_CONTENT_TYPE],
     ),
 ];
@@ -33,14 +39,20 @@ impl Format {
     /// The format of files with this extension, without the dot, in any case.
     #[must_use]
     pub fn from_extension(extension: &str) -> Option<Self> {
-        let is_named = |(_, name, _): &&(Self, &str, &[&str])| extension.eq_ignore_ascii_case(name);
-        NAMES.iter().find(is_named).map(|row| row.0)
+        NAMES
+            .iter()
+            .find(|row| {
+                row.1
+                    .iter()
+                    .any(|name| extension.eq_ignore_ascii_case(name))
+            })
+            .map(|row| row.0)
     }
 
     /// The file extension, without the dot.
     #[must_use]
     pub fn extension(self) -> &'static str {
-        self.names().1
+        self.names().1[0]
     }
 
     /// The format of a media type; parameters such as `; charset=utf-8` are ignored.
@@ -59,7 +71,7 @@ impl Format {
         self.names().2[0]
     }
 
-    fn names(self) -> &'static (Self, &'static str, &'static [&'static str]) {
+    fn names(self) -> &'static Names {
         match self {
             Self::Obj => &NAMES[0],
             Self::Ply => &NAMES[1],
@@ -76,12 +88,11 @@ mod tests {
 
     #[test]
     fn every_format_is_found_again_by_each_of_its_names() {
-        for (format, extension, content_types) in NAMES {
-            assert_eq!(format.extension(), extension);
-            assert_eq!(
-                Format::from_extension(&extension.to_uppercase()),
-                Some(format)
-            );
+        for (format, extensions, content_types) in NAMES {
+            assert_eq!(format.extension(), extensions[0]);
+            for name in extensions {
+                assert_eq!(Format::from_extension(&name.to_uppercase()), Some(format));
+            }
             assert_eq!(format.content_type(), content_types[0]);
             for name in content_types {
                 let with_parameter = format!(" {name} ; charset=utf-8");

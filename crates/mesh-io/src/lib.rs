@@ -36,7 +36,7 @@ pub struct Limits {
     pub max_vertices: usize,
     /// Most faces, after polygons are cut into triangles.
     pub max_faces: usize,
-    /// Most bytes that a Draco decoder may hold at once.
+    /// Most bytes that a decoder may hold at once: Draco's, or the base64 of a glTF file.
     pub max_memory_bytes: usize,
 }
 

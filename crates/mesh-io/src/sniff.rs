@@ -1,12 +1,13 @@
 //! Tells a format from its bytes.
 
-use crate::Format;
 use crate::cursor::{Lines, Tokens, number};
+use crate::{Format, glb};
 
 /// The format that `bytes` begin like, if any.
 ///
-/// PLY, GLB, Draco and native frames have signatures. OBJ has none: it is recognized by its first
-/// vertex record, with nothing but comments and other OBJ records before it.
+/// PLY, GLB, Draco and native frames have signatures. glTF text is a JSON object with an `asset`,
+/// which the format asks for. OBJ is recognized by its first vertex record, with nothing but
+/// comments and other OBJ records before it.
 #[must_use]
 pub fn sniff(bytes: &[u8]) -> Option<Format> {
     if bytes.starts_with(b"glTF") {
@@ -21,7 +22,11 @@ pub fn sniff(bytes: &[u8]) -> Option<Format> {
     if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
         return Some(Format::Ply);
     }
-    begins_like_obj(bytes).then_some(Format::Obj)
+    let start = &bytes[..bytes.len().min(WINDOW)];
+    if glb::has_top_level_key(start, b"asset") {
+        return Some(Format::Glb);
+    }
+    begins_like_obj(start).then_some(Format::Obj)
 }
 
 /// How far to look for the first vertex; exporters write license texts before it.
@@ -55,8 +60,7 @@ const OBJ_KEYWORDS: [&[u8]; 23] = [
     b"cstype",
 ];
 
-fn begins_like_obj(bytes: &[u8]) -> bool {
-    let text = &bytes[..bytes.len().min(WINDOW)];
+fn begins_like_obj(text: &[u8]) -> bool {
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     for (_, line) in Lines::new(text, 1) {
         let mut tokens = Tokens::new(line);
@@ -87,6 +91,17 @@ mod tests {
         assert_eq!(sniff(b"ply\r\nformat"), Some(Format::Ply));
         assert_eq!(sniff(b"glTF\x02\0\0\0"), Some(Format::Glb));
         assert_eq!(sniff(b"DRACO\x02\x02"), Some(Format::Drc));
+        assert_eq!(sniff(b"ply\rformat"), Some(Format::Ply));
+    }
+
+    #[test]
+    fn gltf_text_is_recognized_by_its_asset() {
+        for text in [
+            "{\"asset\": {\"version\": \"2.0\"}}",
+            "\u{feff}\n{\"accessors\": [], \"asset\" : {",
+        ] {
+            assert_eq!(sniff(text.as_bytes()), Some(Format::Glb), "{text}");
+        }
     }
 
     #[test]
@@ -96,6 +111,7 @@ mod tests {
             "# made by hand\r\n\r\nmtllib a.mtl\r\no thing\r\nv 1.5 -2e3 .5 1 0 0\r\n",
             "\u{feff}# bom\nv 0 0 0",
             "vn 0 0 1\nvt 0 0\ng\nv\t1 2 3",
+            "# old\r# Mac\rv 1 2 3\r",
         ] {
             assert_eq!(sniff(text.as_bytes()), Some(Format::Obj), "{text}");
         }
@@ -106,7 +122,7 @@ mod tests {
         for bytes in [
             &b""[..],
             b"hello world",
-            b"{\"asset\": {\"version\": \"2.0\"}}",
+            b"{\"assets\": {\"asset\": \"2.0\"}}",
             b"<!doctype html><html></html>",
             b"# only a comment\n",
             b"v for vendetta\n",

@@ -4,6 +4,8 @@
 
 mod support;
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 use steadymesh_draco::{EncodeOptions, MeshView, encode_with_info};
 use steadymesh_mesh_io::{Limits, Mesh, ReadError, glb};
@@ -256,13 +258,112 @@ fn spans_beyond_their_buffer_are_refused() {
 
 #[test]
 fn external_buffers_are_refused_with_a_sentence() {
+    let expected = "glTF: accessor 0: buffer 0 is stored outside, at \"mesh.bin\"; pack \
+                    everything into one .glb file, or into data: URIs";
+    assert_eq!(message(&with_buffer("mesh.bin", 51)), expected);
+    let mut document = document(5121, 3, 3);
+    document["buffers"] = json!([{ "byteLength": 51, "uri": "mesh.bin" }]);
+    assert_eq!(message(document.to_string().as_bytes()), expected);
+}
+
+/// A container of the square and one triangle, whose buffer 0 is `uri`.
+fn with_buffer(uri: &str, byte_length: usize) -> Vec<u8> {
+    with_indices(4, &[0, 1, 2], |document| {
+        document["buffers"] = json!([{ "byteLength": byte_length, "uri": uri }]);
+    })
+}
+
+/// The square and one triangle as text in base64.
+fn base64_uri() -> String {
+    let bytes = [square(), vec![0, 1, 2]].concat();
+    format!(
+        "data:application/octet-stream;base64,{}",
+        BASE64_STANDARD.encode(bytes)
+    )
+}
+
+#[test]
+fn a_buffer_in_the_text_is_read_in_a_container_and_in_json_alone() {
+    let bytes = [square(), vec![0, 1, 2]].concat();
+    let percents: String = bytes.iter().map(|byte| format!("%{byte:02x}")).collect();
+    let expected = read(&with_indices(4, &[0, 1, 2], |_| ())).unwrap();
+    for uri in [base64_uri(), format!("data:,{percents}")] {
+        assert_eq!(read(&with_buffer(&uri, 51)).unwrap(), expected);
+        let mut document = document(5121, 3, 3);
+        document["buffers"] = json!([{ "byteLength": 51, "uri": uri }]);
+        let text = document.to_string();
+        assert_eq!(read(text.as_bytes()).unwrap(), expected);
+        let with_mark = format!("\u{feff}\n{text}");
+        assert_eq!(read(with_mark.as_bytes()).unwrap(), expected);
+    }
+}
+
+#[test]
+fn buffers_in_the_text_and_in_the_chunk_stand_side_by_side() {
     let file = with_indices(4, &[0, 1, 2], |document| {
-        document["buffers"] = json!([{ "byteLength": 51, "uri": "mesh.bin" }]);
+        document["buffers"] = json!([
+            { "byteLength": 48 },
+            { "byteLength": 3, "uri": "data:;base64,AAID" },
+            { "byteLength": 9, "uri": "unused.bin" },
+        ]);
+        document["bufferViews"][1] = json!({ "buffer": 1, "byteLength": 3 });
     });
+    assert_eq!(read(&file).unwrap().faces, [[0, 2, 3]]);
+}
+
+#[test]
+fn a_data_uri_that_cannot_be_used_is_named() {
+    for (uri, byte_length, expected) in [
+        (
+            "data:;base64,A*==".to_owned(),
+            51,
+            "glTF: the data: URI of buffer 0 is not base64: byte 1 of its data is `*`",
+        ),
+        (
+            "data:".to_owned(),
+            51,
+            "glTF: the data: URI of buffer 0 has no comma between its type and its data",
+        ),
+        (
+            base64_uri(),
+            52,
+            "glTF: accessor 0: buffer 0 is to have 52 bytes, but its data: URI has 51",
+        ),
+        (
+            base64_uri(),
+            usize::MAX,
+            "glTF: accessor 0: buffer 0 is to have 18446744073709551615 bytes, but its data: URI \
+             has 51",
+        ),
+    ] {
+        assert_eq!(message(&with_buffer(&uri, byte_length)), expected);
+    }
+    let text = document(5121, 3, 3).to_string();
+    let text = text.replacen('{', "{\"buffers\":[{\"byteLength\":51}],", 1);
     assert_eq!(
-        message(&file),
-        "GLB: accessor 0: buffer 0 is stored outside, at \"mesh.bin\"; pack everything into the binary chunk"
+        message(text.as_bytes()),
+        "glTF: accessor 0: buffer 0 has no data: neither a URI nor, as buffer 0 of a .glb file \
+         may, the binary chunk"
     );
+}
+
+#[test]
+fn buffers_in_the_text_are_held_to_the_memory_limit() {
+    let file = with_buffer(&base64_uri(), 51);
+    // 68 letters of base64, and what stands before them.
+    let least = base64_uri().len() - "data:".len();
+    let read = |max_memory_bytes| {
+        glb::read(
+            &file,
+            &Limits {
+                max_memory_bytes,
+                ..LIMITS
+            },
+        )
+    };
+    assert!(read(least).is_ok());
+    let limit = least - 1;
+    assert_eq!(read(limit), Err(ReadError::OutOfMemory { limit }));
 }
 
 #[test]

@@ -118,14 +118,30 @@ fn valid_files() -> Vec<Vec<u8>> {
         obj::write(&mesh),
         ply::write(&mesh),
         ascii.as_bytes().to_vec(),
+        ascii.replace("0 0 0\n1 0 0", "0 0\n0 1 0 0").into_bytes(),
+        ascii.replace('\n', "\r").into_bytes(),
         glb::write(&mesh),
+        gltf().into_bytes(),
         glb::wrap_draco(&encoded.bytes, &info),
         encoded.bytes,
     ]
 }
 
+/// A triangle as glTF text, its points in base64 and its corners in percents.
+fn gltf() -> String {
+    let points = format!("{}AACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA", "A".repeat(16));
+    format!(
+        "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":36,\"uri\":\
+         \"data:;base64,{points}\"}},{{\"byteLength\":3,\"uri\":\"data:,%00%01%02\"}}],\
+         \"bufferViews\":[{{\"buffer\":0,\"byteLength\":36}},{{\"buffer\":1,\"byteLength\":3}}],\
+         \"accessors\":[{{\"bufferView\":0,\"componentType\":5126,\"count\":3,\"type\":\"VEC3\"}},\
+         {{\"bufferView\":1,\"componentType\":5121,\"count\":3,\"type\":\"SCALAR\"}}],\
+         \"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":0}},\"indices\":1}}]}}]}}"
+    )
+}
+
 /// Digits, separators and extremes, where a random byte would only break the syntax.
-const SNIPPETS: [&[u8]; 16] = [
+const SNIPPETS: [&[u8]; 20] = [
     b"9",
     b"-",
     b"0",
@@ -142,6 +158,10 @@ const SNIPPETS: [&[u8]; 16] = [
     b"\xff\xff\xff\xff",
     b"1e308",
     b"vertex",
+    b"\r",
+    b"%",
+    b"\"",
+    b"=",
 ];
 
 proptest! {
@@ -150,15 +170,15 @@ proptest! {
     #[test]
     fn arbitrary_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         read_all(&bytes);
-        for prefix in [&b"ply\nformat ascii 1.0\n"[..], b"glTF\x02\0\0\0", b"DRACO\x02\x02", b"v 0 0 0\n"] {
+        for prefix in [&b"ply\nformat ascii 1.0\n"[..], b"glTF\x02\0\0\0", b"DRACO\x02\x02", b"v 0 0 0\n", b"{\"asset\":"] {
             read_all(&[prefix, &bytes].concat());
         }
     }
 
     #[test]
     fn mutated_files_are_survived(
-        file in 0_usize..6,
-        edits in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..16, any::<bool>()), 1..6),
+        file in 0_usize..9,
+        edits in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..20, any::<bool>()), 1..6),
         cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
     ) {
         let mut bytes = valid_files().swap_remove(file);

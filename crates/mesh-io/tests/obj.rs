@@ -92,6 +92,23 @@ fn line_endings_comments_continuations_and_other_records_are_no_obstacle() {
 }
 
 #[test]
+fn lines_may_end_as_on_old_macs_and_be_mixed() {
+    let text = "# old\rv 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 \\\r2 3\r";
+    for text in [
+        text.to_owned(),
+        text.replacen('\r', "\n", 2),
+        text.replacen('\r', "\r\n", 3),
+    ] {
+        let mesh = read(&text).unwrap();
+        assert_eq!((mesh.positions.len(), mesh.faces.len()), (3, 1), "{text:?}");
+    }
+    assert_eq!(
+        message("v 0 0 0\rv 1 2 x3\r"),
+        "line 2: `v` is followed by `x3`, which is not a number"
+    );
+}
+
+#[test]
 fn mistakes_name_the_line_and_the_token() {
     for (text, expected) in [
         (

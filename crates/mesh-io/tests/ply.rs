@@ -242,6 +242,83 @@ fn mistakes_in_ascii_name_the_line() {
 }
 
 #[test]
+fn lines_may_end_as_on_old_macs_and_be_mixed() {
+    let text = format!(
+        "{ASCII}element vertex 3\n{XYZ}element face 1\n{FACES}end_header\n\
+         0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    );
+    for text in [
+        text.replace('\n', "\r"),
+        text.replacen('\n', "\r", 4),
+        text.replacen('\n', "\r\n", 6).replacen("\r\n", "\r", 3),
+    ] {
+        assert_eq!(
+            read(text.as_bytes()).unwrap().faces,
+            [[0, 1, 2]],
+            "{text:?}"
+        );
+    }
+    let wrong = text.replace("0 1 0", "0 1 y").replace('\n', "\r");
+    assert_eq!(
+        message(wrong.as_bytes()),
+        "PLY: line 12: `y` is not a number"
+    );
+    let whole = ply::write(&tetrahedron());
+    let header = whole
+        .windows(11)
+        .position(|w| w == b"end_header\n")
+        .unwrap()
+        + 11;
+    let mut old = whole.clone();
+    old[..header]
+        .iter_mut()
+        .filter(|b| **b == b'\n')
+        .for_each(|b| *b = b'\r');
+    // A body that begins with the byte of a line feed.
+    (old[header], old[header + 1]) = (b'\n', 0);
+    let mut new = whole;
+    (new[header], new[header + 1]) = (b'\n', 0);
+    assert_eq!(read(&old).unwrap(), read(&new).unwrap());
+}
+
+#[test]
+fn numbers_of_an_ascii_file_may_stand_anywhere() {
+    let header = format!(
+        "{ASCII}element extra 1\nproperty int a\nelement vertex 4\n{XYZ}element face 2\n{FACES}\
+         element edge 2\nproperty int v\nend_header\n"
+    );
+    for body in [
+        "7\n0 0 0 1 0 0\n1 1 0 0 1 0\n3 0 1 2 3 0 2 3\n5 6\n",
+        "7 0 0 0 1 0 0 1 1 0 0 1 0 3 0 1 2 3 0 2 3 5 6",
+        "7\n\n0\n0\n0\n1\n0\n0\n1 1\n0\n0 1 0\n3\n0 1 2\n3 0\n\n2 3\n5\n6\n\n",
+    ] {
+        for text in [body.to_owned(), body.replace('\n', "\r")] {
+            let mesh = read(format!("{header}{text}").as_bytes()).unwrap();
+            assert_eq!(mesh.positions[2], [1.0, 1.0, 0.0]);
+            assert_eq!(mesh.faces, [[0, 1, 2], [0, 2, 3]]);
+        }
+    }
+}
+
+#[test]
+fn numbers_that_do_not_come_out_even_are_not_guessed_at() {
+    let file = |body: &str| {
+        let header = format!("element vertex 3\n{XYZ}element face 1\n{FACES}end_header\n");
+        message(format!("{ASCII}{header}{body}").as_bytes())
+    };
+    // A fourth number on every vertex, which the header does not know.
+    assert_eq!(
+        file("0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n"),
+        "PLY: line 10: vertex 0 has more numbers than the header says, from `1` on"
+    );
+    // Everything could be read but for what is left over.
+    assert_eq!(
+        file("0 0 0 1 0 0\n0 1 0\n3 0 1 2\n9\n"),
+        "PLY: line 10: vertex 0 has more numbers than the header says, from `1` on"
+    );
+}
+
+#[test]
 fn bad_numbers_in_binary_name_vertex_and_face() {
     let mut mesh = tetrahedron();
     mesh.positions[2][1] = f64::NAN;

@@ -17,6 +17,7 @@ _CONTENT_TYPES = {
     ".obj": "model/obj",
     ".ply": "model/ply",
     ".glb": "model/gltf-binary",
+    ".gltf": "model/gltf+json",
     ".drc": "application/vnd.draco",
     ".smf": native.CONTENT_TYPE,
 }

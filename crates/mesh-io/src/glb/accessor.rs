@@ -1,13 +1,14 @@
 //! Numbers of accessors: typed, strided, sparse.
 
+use super::buffers::Buffers;
 use super::document::{Accessor, BufferView, Document, Sparse, entry};
 use super::malformed;
 use crate::ReadError;
 
-/// A document with its binary chunk.
+/// A document with the bytes of its buffers.
 pub(super) struct Source<'a> {
     pub(super) document: &'a Document,
-    pub(super) bin: &'a [u8],
+    pub(super) buffers: &'a Buffers<'a>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,35 +141,16 @@ impl<'a> Source<'a> {
     /// The bytes of a buffer view.
     pub(super) fn view(&self, index: usize) -> Result<(&'a [u8], &'a BufferView), ReadError> {
         let view = entry(&self.document.buffer_views, index, "buffer view")?;
-        let buffer = entry(&self.document.buffers, view.buffer, "buffer")?;
-        if let Some(uri) = &buffer.uri {
-            let uri: String = uri.chars().filter(|c| !c.is_control()).take(40).collect();
-            return Err(malformed(format!(
-                "buffer {} is stored outside, at \"{uri}\"; pack everything into the binary chunk",
-                view.buffer
-            )));
-        }
-        if view.buffer != 0 {
-            return Err(malformed(format!(
-                "buffer {} has no data: only buffer 0 is the binary chunk",
-                view.buffer
-            )));
-        }
-        let data = self.bin.get(..buffer.byte_length).ok_or_else(|| {
-            malformed(format!(
-                "buffer 0 has {} bytes, but the binary chunk has {}",
-                buffer.byte_length,
-                self.bin.len()
-            ))
-        })?;
+        let data = self.buffers.bytes(self.document, view.buffer)?;
         let end = view.byte_offset.checked_add(view.byte_length);
         let bytes = end
             .and_then(|end| data.get(view.byte_offset..end))
             .ok_or_else(|| {
                 malformed(format!(
-                    "buffer view {index} spans {} bytes from {} on, but buffer 0 has {}",
+                    "buffer view {index} spans {} bytes from {} on, but buffer {} has {}",
                     view.byte_length,
                     view.byte_offset,
+                    view.buffer,
                     data.len()
                 ))
             })?;

@@ -1,26 +1,48 @@
-//! The container: a header, a JSON chunk and a binary chunk.
+//! The container: a header, a JSON chunk and a binary chunk; or the JSON alone.
 
-use super::malformed;
+use super::{json_text, malformed};
 use crate::ReadError;
 
 const JSON: &[u8; 4] = b"JSON";
 const BIN: &[u8; 4] = b"BIN\0";
 
-/// What the JSON of geometry never needs; a parsed document is larger than its text.
+/// What the JSON of geometry never needs beside its `data:` URIs; a parsed document is larger
+/// than its text.
 const MAX_JSON_BYTES: usize = 4 << 20;
 
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Container<'a> {
     pub(super) json: &'a [u8],
-    /// Empty if there is no binary chunk.
-    pub(super) bin: &'a [u8],
+    pub(super) bin: Option<&'a [u8]>,
 }
 
+/// Splits a container; text is JSON without a binary chunk.
 pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, ReadError> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let container = if text.trim_ascii_start().starts_with(b"{") {
+        Container {
+            json: text,
+            bin: None,
+        }
+    } else {
+        chunks(bytes)?
+    };
+    let length = json_text::length_without_data_uris(container.json);
+    if length > MAX_JSON_BYTES {
+        return Err(malformed(format!(
+            "the JSON has {length} bytes beside its data: URIs; at most {MAX_JSON_BYTES} are \
+             accepted"
+        )));
+    }
+    Ok(container)
+}
+
+fn chunks(bytes: &[u8]) -> Result<Container<'_>, ReadError> {
     let (magic, rest) = take(bytes, 4).unwrap_or((bytes, &[]));
     if magic != b"glTF" {
         return Err(malformed(
-            "not a GLB file: it does not begin with \"glTF\"; pack a .gltf file as .glb",
+            "not a glTF file: it begins neither with \"glTF\", as .glb files do, nor with \"{\", \
+             as .gltf files do",
         ));
     }
     let header = number(rest).zip(rest.get(4..).and_then(number));
@@ -46,12 +68,6 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, ReadError> {
     if kind != JSON {
         return Err(malformed("the first chunk is not JSON"));
     }
-    if json.len() > MAX_JSON_BYTES {
-        return Err(malformed(format!(
-            "the JSON chunk has {} bytes; at most {MAX_JSON_BYTES} are accepted",
-            json.len()
-        )));
-    }
     Ok(Container {
         json,
         bin: find_bin(after)?,
@@ -59,15 +75,15 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, ReadError> {
 }
 
 /// The first binary chunk; chunks of unknown types are skipped.
-fn find_bin(mut rest: &[u8]) -> Result<&[u8], ReadError> {
+fn find_bin(mut rest: &[u8]) -> Result<Option<&[u8]>, ReadError> {
     while !rest.is_empty() {
         let Chunk { kind, data, after } = chunk(rest)?;
         if kind == BIN {
-            return Ok(data);
+            return Ok(Some(data));
         }
         rest = after;
     }
-    Ok(&[])
+    Ok(None)
 }
 
 struct Chunk<'a> {
@@ -139,7 +155,7 @@ mod tests {
         let bytes = join(b"{}", b"abcde");
         let expected = Container {
             json: b"{}  ",
-            bin: b"abcde\0\0\0",
+            bin: Some(b"abcde\0\0\0"),
         };
         assert_eq!(split(&bytes), Ok(expected));
     }
@@ -163,10 +179,32 @@ mod tests {
                 .contains("version is 1")
         );
         assert!(
-            split(b"{\"asset\"")
+            split(b"hello")
                 .unwrap_err()
                 .to_string()
-                .contains("pack a .gltf")
+                .contains("not a glTF file")
         );
+    }
+
+    #[test]
+    fn text_is_json_without_a_binary_chunk() {
+        let expected = Container {
+            json: b"\n{}",
+            bin: None,
+        };
+        assert_eq!(split(b"\xef\xbb\xbf\n{}"), Ok(expected));
+    }
+
+    #[test]
+    fn long_json_is_refused_but_long_data_is_not() {
+        let long = "A".repeat(MAX_JSON_BYTES);
+        let data = format!("{{\"uri\":\"data:;base64,{long}\"}}");
+        assert!(split(data.as_bytes()).is_ok());
+        assert!(split(&join(data.as_bytes(), b"")).is_ok());
+        let text = data.replace("data:", "file:");
+        for bytes in [text.as_bytes(), &join(text.as_bytes(), b"")] {
+            let error = split(bytes).unwrap_err().to_string();
+            assert!(error.contains("at most 4194304 are accepted"), "{error}");
+        }
     }
 }

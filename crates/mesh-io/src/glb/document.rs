@@ -185,7 +185,7 @@ const HARMLESS_PREFIXES: [&str; 6] = [
 
 pub(super) fn parse(json: &[u8]) -> Result<Document, ReadError> {
     let document: Document = serde_json::from_slice(json)
-        .map_err(|error| malformed(format!("the JSON chunk cannot be used: {error}")))?;
+        .map_err(|error| malformed(format!("the JSON cannot be used: {error}")))?;
     let is_unknown = |name: &&String| {
         !SUPPORTED.contains(&name.as_str())
             && !HARMLESS_PREFIXES

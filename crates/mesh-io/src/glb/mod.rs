@@ -1,11 +1,15 @@
-//! GLB: the binary container of glTF 2.0, with its geometry only.
+//! glTF 2.0, with its geometry only: the binary container GLB and, for reading, JSON text with
+//! its buffers inside.
 //!
 //! Sources: "glTF 2.0 Specification" (Khronos Group, 2.0.1), and its extensions
 //! `KHR_mesh_quantization` and `KHR_draco_mesh_compression`.
 
 mod accessor;
+mod buffers;
 mod container;
+mod data_uri;
 mod document;
+mod json_text;
 mod primitive;
 mod read;
 mod scene;
@@ -13,6 +17,7 @@ mod transform;
 mod wrap_draco;
 mod write;
 
+pub(crate) use json_text::has_top_level_key;
 pub use read::read;
 pub use wrap_draco::{DracoInfo, wrap_draco};
 pub use write::write;

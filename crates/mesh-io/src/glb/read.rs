@@ -1,6 +1,7 @@
-//! GLB bytes to one mesh.
+//! glTF bytes to one mesh.
 
 use super::accessor::Source;
+use super::buffers::Buffers;
 use super::document::{self, MeshEntry, entry};
 use super::primitive::{self, Mode, Room, Vertices};
 use super::transform::Transform;
@@ -8,7 +9,8 @@ use super::{container, malformed, scene};
 use crate::{Attribute, Limits, Mesh, ReadError, check};
 use std::collections::BTreeMap;
 
-/// Reads the triangles of a GLB file's default scene as one mesh.
+/// Reads the triangles of a glTF file's default scene as one mesh: of a binary container (.glb)
+/// or of JSON text (.gltf) whose buffers are `data:` URIs.
 ///
 /// Meshes are put where their nodes place them (mirrored ones with their winding
 /// turned) and appended in the order of the hierarchy; primitives of one mesh that
@@ -25,9 +27,10 @@ pub fn read(bytes: &[u8], limits: &Limits) -> Result<Mesh, ReadError> {
     }
     let container = container::split(bytes)?;
     let document = document::parse(container.json)?;
+    let buffers = Buffers::of(&document, container.bin, limits)?;
     let source = Source {
         document: &document,
-        bin: container.bin,
+        buffers: &buffers,
     };
     let mut builder = Builder::new(limits);
     for instance in scene::instances(&document)? {
@@ -59,10 +62,10 @@ impl Work {
         Ok(())
     }
 
-    fn count_draco(&mut self, length: usize, bin_length: usize) -> Result<(), ReadError> {
+    fn count_draco(&mut self, length: usize, total: usize) -> Result<(), ReadError> {
         const MOST_TIMES: usize = 64;
         self.draco_bytes = self.draco_bytes.saturating_add(length);
-        if self.draco_bytes > bin_length.saturating_mul(MOST_TIMES) {
+        if self.draco_bytes > total.saturating_mul(MOST_TIMES) {
             return Err(malformed(format!(
                 "the scene shows its Draco meshes more than {MOST_TIMES} times"
             )));
@@ -110,7 +113,7 @@ impl<'a> Builder<'a> {
             };
             if let Some(draco) = &primitive.extensions.draco {
                 let length = source.view(draco.buffer_view)?.0.len();
-                self.work.count_draco(length, source.bin.len())?;
+                self.work.count_draco(length, source.buffers.total())?;
                 let (vertices, faces) =
                     primitive::decompress(source, primitive, draco, self.room())?;
                 let (first, _) = self.add_vertices(vertices, world_from_local);
@@ -171,11 +174,11 @@ impl<'a> Builder<'a> {
 
     fn finish(mut self) -> Result<Mesh, ReadError> {
         if self.positions.is_empty() {
-            return Err(ReadError::NoVertices { format: "GLB" });
+            return Err(ReadError::NoVertices { format: "glTF" });
         }
         if self.faces.is_empty() {
             return Err(ReadError::NoFaces {
-                format: "GLB",
+                format: "glTF",
                 vertices: self.positions.len(),
             });
         }

@@ -116,10 +116,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header<'_>, ReadError> {
     }
     let mut encoding = None;
     let mut elements = Vec::new();
-    let mut read = 0;
-    for (number, line) in Lines::new(bytes, 1) {
-        // Both line endings are one byte more than what was cut off.
-        read += line.len() + 1 + usize::from(bytes.get(read + line.len()) == Some(&b'\r'));
+    let mut lines = Lines::new(bytes, 1);
+    while let Some((number, line)) = lines.next() {
         let mut tokens = Tokens::new(line);
         match tokens.next() {
             None | Some(b"ply" | b"comment" | b"obj_info") => {}
@@ -130,11 +128,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header<'_>, ReadError> {
                 let encoding = encoding.ok_or_else(|| {
                     malformed("the header has no `format` line, so the encoding is unknown")
                 })?;
-                let body = bytes.get(read..).unwrap_or_default();
                 return Ok(Header {
                     encoding,
                     elements,
-                    body,
+                    body: body(bytes, lines.rest(), encoding),
                     body_line: number + 1,
                 });
             }
@@ -147,6 +144,23 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header<'_>, ReadError> {
         }
     }
     Err(malformed("the header has no `end_header` line"))
+}
+
+/// The body of a file, `rest` being what follows the last line of its header.
+///
+/// Where lines end with `\r` alone, a binary body may begin with the byte of a `\n`, which
+/// then is no part of the header's last line.
+fn body<'a>(bytes: &'a [u8], rest: &'a [u8], encoding: Encoding) -> &'a [u8] {
+    let ending = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r'));
+    let ends_with_cr = ending.is_some_and(|at| {
+        let ending = &bytes[at..];
+        ending.starts_with(b"\r") && !ending.starts_with(b"\r\n")
+    });
+    let start = bytes.len() - rest.len();
+    if encoding != Encoding::Ascii && ends_with_cr && bytes[..start].ends_with(b"\r\n") {
+        return &bytes[start - 1..];
+    }
+    rest
 }
 
 fn parse_encoding(mut tokens: Tokens<'_>, line: usize) -> Result<Encoding, ReadError> {
@@ -222,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_body_begins_after_either_line_ending() {
+    fn the_body_begins_after_each_of_the_three_line_endings() {
         for (text, body) in [
             (
                 "ply\nformat binary_little_endian 1.0\nend_header\n\nx",
@@ -232,6 +246,8 @@ mod tests {
                 "ply\r\nformat ascii 1.0\r\nobj_info a b\r\nend_header\r\n7",
                 b"7",
             ),
+            ("ply\rformat ascii 1.0\rend_header\r7\r", b"7\r"),
+            ("ply\rformat binary_big_endian 1.0\rend_header\r\nx", b"\nx"),
             ("ply\nformat ascii 1.0\nend_header", b""),
         ] {
             assert_eq!(parse(text.as_bytes()).unwrap().body, body);

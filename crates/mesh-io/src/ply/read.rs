@@ -1,6 +1,6 @@
 //! Goes through the elements of a file in order.
 
-use super::ascii::AsciiBody;
+use super::ascii::{AsciiBody, RecordEnd};
 use super::binary::BinaryBody;
 use super::faces::Faces;
 use super::header::{self, Element, Encoding, Header};
@@ -14,7 +14,9 @@ use crate::{Limits, Mesh, ReadError, check};
 /// Positions may have any scalar type. Normals (`nx ny nz`), colors (`red green
 /// blue`, `alpha`) and texture coordinates (`s t`, `u v` or `texture_u texture_v`)
 /// are taken where the vertices have them. Polygons become fans of triangles around
-/// their first corner. Other properties and elements are skipped.
+/// their first corner. Other properties and elements are skipped. ASCII files have one
+/// element a line; if they do not, the numbers are taken in order wherever they stand, as long
+/// as there are neither more nor fewer than the header says.
 ///
 /// # Errors
 ///
@@ -28,32 +30,53 @@ pub fn read(bytes: &[u8], limits: &Limits) -> Result<Mesh, ReadError> {
     layout::check_promises(&header)?;
     check::vertex_limit(to_usize(plan.vertex_count), limits)?;
     check::face_limit(to_usize(plan.face_count), limits)?;
-    let mut sinks = Sinks {
-        vertices: Vertices::new(plan.slots, to_usize(plan.vertex_count)),
-        faces: Faces::new(limits, plan.vertex_count, to_usize(plan.face_count)),
-        corner_list: plan.corner_list,
-    };
     match header.encoding {
-        Encoding::Ascii => {
-            let mut body = AsciiBody::new(header.body, header.body_line);
-            each(&header.elements, |role, element| {
-                body.read(role, element, &mut sinks)
-            })?;
-        }
-        Encoding::LittleEndian => {
-            let mut body = BinaryBody::<false>::new(header.body);
-            each(&header.elements, |role, element| {
-                body.read(role, element, &mut sinks)
-            })?;
-        }
-        Encoding::BigEndian => {
-            let mut body = BinaryBody::<true>::new(header.body);
-            each(&header.elements, |role, element| {
-                body.read(role, element, &mut sinks)
-            })?;
+        Encoding::Ascii => match read_ascii(&header, &plan, limits, RecordEnd::Line) {
+            // Tells what is wrong with a file that cannot be read either way.
+            Err(error @ ReadError::Ply { .. }) => {
+                read_ascii(&header, &plan, limits, RecordEnd::LastNumber).map_err(|_| error)
+            }
+            outcome => outcome,
+        },
+        Encoding::LittleEndian => read_binary::<false>(&header, &plan, limits),
+        Encoding::BigEndian => read_binary::<true>(&header, &plan, limits),
+    }
+}
+
+fn read_ascii(
+    header: &Header<'_>,
+    plan: &Plan,
+    limits: &Limits,
+    record_end: RecordEnd,
+) -> Result<Mesh, ReadError> {
+    let mut sinks = Sinks::new(plan, limits);
+    let mut body = AsciiBody::new(header.body, header.body_line, record_end);
+    let mut read = |role, element: &Element| body.read(role, element, &mut sinks);
+    match record_end {
+        RecordEnd::Line => each(up_to_mesh(&header.elements), &mut read)?,
+        RecordEnd::LastNumber => {
+            each(&header.elements, &mut read)?;
+            // One number too many or too few moves all that follow it: only where they come
+            // out even is every one of them known to be in its place.
+            if !body.is_at_end() {
+                return Err(malformed("there are more numbers than the header says"));
+            }
         }
     }
-    Ok(sinks.vertices.into_mesh(sinks.faces.into_triangles()))
+    Ok(sinks.into_mesh())
+}
+
+fn read_binary<const BIG: bool>(
+    header: &Header<'_>,
+    plan: &Plan,
+    limits: &Limits,
+) -> Result<Mesh, ReadError> {
+    let mut sinks = Sinks::new(plan, limits);
+    let mut body = BinaryBody::<BIG>::new(header.body);
+    each(up_to_mesh(&header.elements), |role, element| {
+        body.read(role, element, &mut sinks)
+    })?;
+    Ok(sinks.into_mesh())
 }
 
 /// Where records go.
@@ -64,6 +87,21 @@ pub(super) struct Sinks<'a> {
     pub(super) corner_list: usize,
 }
 
+impl<'a> Sinks<'a> {
+    fn new(plan: &Plan, limits: &'a Limits) -> Self {
+        let (vertices, faces) = (to_usize(plan.vertex_count), to_usize(plan.face_count));
+        Self {
+            vertices: Vertices::new(plan.slots.clone(), vertices),
+            faces: Faces::new(limits, plan.vertex_count, faces),
+            corner_list: plan.corner_list,
+        }
+    }
+
+    fn into_mesh(self) -> Mesh {
+        self.vertices.into_mesh(self.faces.into_triangles())
+    }
+}
+
 /// What an element is to the mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
@@ -72,7 +110,14 @@ pub(super) enum Role {
     Other,
 }
 
-/// Calls `read` for each element up to the last one that matters.
+/// The elements up to the last one that matters.
+fn up_to_mesh(elements: &[Element]) -> &[Element] {
+    let first = |name: &str| elements.iter().position(|e| e.name == name);
+    let last = first("vertex").max(first("face"));
+    &elements[..last.map_or(0, |last| last + 1)]
+}
+
+/// Calls `read` for each element.
 fn each(
     elements: &[Element],
     mut read: impl FnMut(Role, &Element) -> Result<(), ReadError>,
@@ -88,9 +133,6 @@ fn each(
         has_vertices |= role == Role::Vertex;
         has_faces |= role == Role::Face;
         read(role, element)?;
-        if has_vertices && has_faces {
-            break;
-        }
     }
     Ok(())
 }
