@@ -38,6 +38,10 @@ fuzz_target!(|bytes: &[u8]| {
             .iter()
             .all(|p| p.coords.iter().all(|c| c.is_finite()))
     );
-    let second = process(&frame, Some(&frame), &settings, &mut ()).unwrap();
+    let previous = Previous {
+        frame: &frame,
+        output: Some(&first.mesh),
+    };
+    let second = process(&frame, Some(previous), &settings, &mut ()).unwrap();
     assert!(second.mesh.face_count() <= frame.mesh().face_count());
 });

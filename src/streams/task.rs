@@ -107,6 +107,8 @@ impl Task {
     /// Runs until the stream ends.
     pub async fn run(mut self) {
         let mut requests = self.stream.requests();
+        // One that came before this task did.
+        requests.mark_changed();
         let mut state = State::default();
         let reason = self.work(&mut state, &mut requests).await;
         let unfinished = state.waiting.len() + state.processing.len();
@@ -116,6 +118,10 @@ impl Task {
         self.stream.counters.queued.store(0, Relaxed);
         self.stream.end(reason);
         tracing::info!(stream = %self.stream.name(), ?reason, "stream ended");
+        // A frame that is being handed in at this moment would wait for an answer as long as
+        // somebody holds the stream. None gets in once the intake is closed.
+        self.intake.close();
+        while self.intake.recv().await.is_some() {}
     }
 
     async fn work(
