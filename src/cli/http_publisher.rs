@@ -123,6 +123,6 @@ async fn refused(status: StatusCode, response: Response) -> anyhow::Result<Sent>
                 problem.map_or(text, |problem| problem.detail),
             ))
         }
-        _ => Err(Refusal::of(status, text.as_bytes()).to_publisher()),
+        _ => Err(Refusal::of(status, text.as_bytes()).into_publisher_error()),
     }
 }

@@ -62,7 +62,7 @@ enum Transport {
 
 /// The publisher of the transport that was asked for.
 enum Publisher {
-    Http(HttpPublisher),
+    Http(Box<HttpPublisher>),
     WebSocket(Box<WebSocketPublisher>),
 }
 
@@ -147,7 +147,10 @@ async fn send_all(
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
     let mut publisher = match arguments.transport {
-        Transport::Http => Publisher::Http(HttpPublisher::new(remote, arguments.takeover)?),
+        Transport::Http => {
+            let publisher = HttpPublisher::new(remote, arguments.takeover)?;
+            Publisher::Http(Box::new(publisher))
+        }
         Transport::Ws => {
             let publisher = WebSocketPublisher::connect(remote, arguments.takeover).await?;
             Publisher::WebSocket(Box::new(publisher))

@@ -147,7 +147,7 @@ impl Refusal {
     }
 
     /// The same for somebody who publishes, and can say so on the command line.
-    pub fn to_publisher(self) -> anyhow::Error {
+    pub fn into_publisher_error(self) -> anyhow::Error {
         let problem = self.problem.as_ref();
         if problem.is_some_and(|problem| problem.r#type == OCCUPIED) {
             return anyhow!(

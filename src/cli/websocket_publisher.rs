@@ -273,7 +273,7 @@ fn is_final(error: &anyhow::Error) -> bool {
 
 fn explain(error: anyhow::Error) -> anyhow::Error {
     match error.downcast::<Refusal>() {
-        Ok(refusal) => refusal.to_publisher(),
+        Ok(refusal) => refusal.into_publisher_error(),
         Err(error) => error,
     }
 }
