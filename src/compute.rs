@@ -130,6 +130,28 @@ mod tests {
         ComputePool::new(Options { threads, queue }).unwrap()
     }
 
+    /// A long job that lasts until it is told to end.
+    struct Blocker {
+        release: mpsc::Sender<()>,
+        job: tokio::task::JoinHandle<Result<Option<()>, JobPanicked>>,
+    }
+
+    impl Blocker {
+        async fn of(pool: &Arc<ComputePool>) -> Self {
+            let (release, blocked) = mpsc::channel();
+            let pool = Arc::clone(pool);
+            let job = async move { pool.run(Length::Long, move || blocked.recv().ok()).await };
+            let job = tokio::spawn(job);
+            tokio::task::yield_now().await;
+            Self { release, job }
+        }
+
+        async fn end(self) {
+            self.release.send(()).unwrap();
+            self.job.await.unwrap().unwrap();
+        }
+    }
+
     #[tokio::test]
     async fn a_job_that_panics_is_an_error_and_the_pool_goes_on() {
         let pool = pool(1, 1);
@@ -141,26 +163,15 @@ mod tests {
     #[tokio::test]
     async fn a_short_job_does_not_wait_for_a_long_one() {
         let pool = Arc::new(pool(1, 1));
-        let (release, blocked) = mpsc::channel::<()>();
-        let blocker = tokio::spawn({
-            let pool = Arc::clone(&pool);
-            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
-        });
-        tokio::task::yield_now().await;
+        let blocker = Blocker::of(&pool).await;
         assert_eq!(pool.run(Length::Short, || 7).await, Ok(7));
-        release.send(()).unwrap();
-        blocker.await.unwrap().unwrap();
+        blocker.end().await;
     }
 
     #[tokio::test]
     async fn a_job_whose_caller_has_left_is_skipped() {
         let pool = Arc::new(pool(1, 4));
-        let (release, blocked) = mpsc::channel::<()>();
-        let blocker = tokio::spawn({
-            let pool = Arc::clone(&pool);
-            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
-        });
-        tokio::task::yield_now().await;
+        let blocker = Blocker::of(&pool).await;
         let runs = Arc::new(AtomicUsize::new(0));
         let left = tokio::spawn({
             let (pool, runs) = (Arc::clone(&pool), Arc::clone(&runs));
@@ -172,8 +183,7 @@ mod tests {
         tokio::task::yield_now().await;
         left.abort();
         assert!(left.await.is_err());
-        release.send(()).unwrap();
-        blocker.await.unwrap().unwrap();
+        blocker.end().await;
         pool.run(Length::Long, || ()).await.unwrap();
         assert_eq!(runs.load(Ordering::Relaxed), 0);
     }
@@ -181,20 +191,14 @@ mod tests {
     #[tokio::test]
     async fn no_more_jobs_are_inside_than_threads_and_queue_allow() {
         let pool = Arc::new(pool(1, 1));
-        let (release, blocked) = mpsc::channel::<()>();
-        let blocker = tokio::spawn({
-            let pool = Arc::clone(&pool);
-            async move { pool.run(Length::Long, move || blocked.recv().ok()).await }
-        });
-        tokio::task::yield_now().await;
+        let blocker = Blocker::of(&pool).await;
         let second = tokio::spawn({
             let pool = Arc::clone(&pool);
             async move { pool.run(Length::Long, || ()).await }
         });
         tokio::task::yield_now().await;
         assert_eq!(pool.long.slots.available_permits(), 0);
-        release.send(()).unwrap();
-        blocker.await.unwrap().unwrap();
+        blocker.end().await;
         second.await.unwrap().unwrap();
     }
 }

@@ -112,9 +112,24 @@ fn wrong_usage_is_exit_code_two_and_a_bad_file_is_one() {
         Some(1)
     );
     assert_eq!(
-        code("simplify missing.obj --target-faces 100 --output out"),
+        code("simplify missing.obj --target-faces 100 --output new"),
         Some(1)
     );
+    assert!(!folder.0.join("new").exists());
+    for wrong in [
+        "simplify text.obj --target-faces -4 --output out",
+        "evaluate text.obj --target-faces 3",
+        "publish demo --synthetic",
+        "publish localhost:8080/demo --synthetic",
+        "publish http://localhost:8080/demo --synthetic --vertices 0",
+        "publish http://localhost:8080/demo --synthetic --vertices -1",
+        "publish http://localhost:8080/demo --synthetic --fps 0",
+        "subscribe http://localhost:8080",
+        "subscribe http://localhost:8080/demo --frames 0",
+        "health localhost",
+    ] {
+        assert_eq!(code(wrong), Some(2), "{wrong}");
+    }
 }
 
 #[test]

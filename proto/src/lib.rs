@@ -4,6 +4,7 @@
 //! - [`DeliveredFrame`]: one simplified frame on its way out, Draco bytes with its metrics.
 //! - [`stream`]: configuration, state, answers and control messages, in JSON.
 //! - [`metrics`]: the figures that come with every frame.
+//! - [`wording`]: numbers in messages to people.
 //!
 //! `README.md` of this crate is the normative byte layout, for rigs and players in other
 //! languages; `vectors/` holds messages that every implementation is tested against.
@@ -13,6 +14,7 @@ mod delivered_frame;
 pub mod metrics;
 mod native_frame;
 pub mod stream;
+pub mod wording;
 
 pub use delivered_frame::{DeliveredFrame, InvalidDeliveredFrame};
 pub use metrics::FrameMetrics;

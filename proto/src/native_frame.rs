@@ -1,5 +1,6 @@
 //! A frame as a rig sends it: a small envelope, then raw arrays.
 
+use crate::wording::counted;
 use serde::{Deserialize, Serialize};
 
 const MAGIC: [u8; 4] = *b"SMF1";
@@ -45,7 +46,7 @@ pub enum InvalidNativeFrame {
     #[error("a native frame starts with the bytes \"SMF1\"")]
     Magic,
     /// The body ends inside of the prefix or the envelope.
-    #[error("the body ends after {length} bytes, inside of the envelope")]
+    #[error("the body ends after {}, inside of the envelope", counted(*.length as u64, "byte"))]
     Truncated {
         /// The body's length.
         length: usize,
@@ -64,8 +65,10 @@ pub enum InvalidNativeFrame {
     },
     /// The counts do not agree with the body's length.
     #[error(
-        "{vertices} vertices and {faces} faces with these attributes need {needed} bytes of \
-         arrays, but the body has {found}"
+        "the arrays of {} and {} with these attributes take {}, but the body has {found}",
+        counted(u64::from(*.vertices), "vertex"),
+        counted(u64::from(*.faces), "face"),
+        counted(*.needed, "byte")
     )]
     Length {
         /// The envelope's vertex count.
@@ -241,14 +244,30 @@ fn decode_envelope(bytes: &[u8]) -> Result<Envelope, InvalidNativeFrame> {
     // Without a limit a hostile length aborts the process.
     let configuration = bincode::config::legacy().with_limit::<MAX_ENVELOPE_BYTES>();
     let (envelope, consumed) = bincode::serde::decode_from_slice(bytes, configuration)
-        .map_err(|error| refused(error.to_string()))?;
+        .map_err(|error| refused(what_is_wrong(&error)))?;
     if consumed != bytes.len() {
-        return Err(refused(format!(
-            "{} bytes are left over",
-            bytes.len() - consumed
-        )));
+        let rest = (bytes.len() - consumed) as u64;
+        return Err(refused(format!("it is {} too long", counted(rest, "byte"))));
     }
     Ok(envelope)
+}
+
+/// What bincode says, which writes its errors as programmers see them.
+fn what_is_wrong(error: &bincode::error::DecodeError) -> String {
+    use bincode::error::DecodeError;
+    match error {
+        DecodeError::UnexpectedEnd { additional } => {
+            format!("it is {} too short", counted(*additional as u64, "byte"))
+        }
+        DecodeError::InvalidBooleanValue(value) => {
+            format!("a yes or no is {value}, not 0 or 1")
+        }
+        DecodeError::UnexpectedVariant { found, .. } => {
+            format!("a value that may be left out begins with {found}, not with 0 or 1")
+        }
+        DecodeError::LimitExceeded => format!("it is longer than {MAX_ENVELOPE_BYTES} bytes"),
+        other => other.to_string(),
+    }
 }
 
 /// What is left of the arrays, whose total length has been checked.
@@ -285,6 +304,36 @@ fn put<T: Copy, const N: usize, const B: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_wrong_with_an_envelope_is_said_in_words() {
+        let envelope = |bytes: &[u8]| {
+            let length = (bytes.len() as u32).to_le_bytes();
+            let frame = [&MAGIC[..], &length, bytes].concat();
+            NativeFrame::decode(&frame).unwrap_err().to_string()
+        };
+        let good = [&[1, 0, 0, 0][..], &[0; 8], &[0; 3]].concat();
+        for (bytes, expected) in [
+            (&good[..good.len() - 1], "it is 1 byte too short"),
+            (&[&good[..], &[0, 0]].concat(), "it is 2 bytes too long"),
+            (
+                &[&good[..good.len() - 1], &[7]].concat(),
+                "a yes or no is 7, not 0 or 1",
+            ),
+            (
+                &[&[1, 0, 9][..], &good].concat(),
+                "a value that may be left out begins with 9, not with 0 or 1",
+            ),
+        ] {
+            let expected = format!("the envelope cannot be read: {expected}");
+            assert_eq!(envelope(bytes), expected);
+        }
+        assert_eq!(
+            envelope(&[&[1, 0, 0, 0, 1][..], &[0; 10]].concat()),
+            "the arrays of 1 vertex and 0 faces with these attributes take 12 bytes, but the body \
+             has 0"
+        );
+    }
 
     #[test]
     fn the_stamps_can_be_read_without_the_arrays() {

@@ -2,9 +2,13 @@
 
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::Args;
 
 use crate::config::{Config, default_file};
+use crate::server::Server;
+
+use super::serve::UNUSABLE_DEFAULTS;
 
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
@@ -22,7 +26,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(file) = &arguments.check {
         let config = Config::load(Some(file))?;
         config.check()?;
-        config.streams().check()?;
+        config.streams().check().context(UNUSABLE_DEFAULTS)?;
+        config.log.filter()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().build()?;
+        runtime.block_on(Server::check(&config.server()))?;
         super::say(&format!("{} can be used", file.display()));
         return Ok(());
     }

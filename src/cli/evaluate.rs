@@ -8,11 +8,12 @@ use clap::Args;
 use steadymesh_mesh_io::ply;
 
 use crate::evaluation::{Evaluation, Plan, Protocol, plots, report, terminal};
-use crate::pipeline::{PreparedFrame, Settings, TargetSize};
+use crate::pipeline::{PreparedFrame, Settings};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
 use super::output_files::{create, make_folder, output_names, write_file};
 use super::progress::progress_bar;
+use super::target::target_faces;
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
@@ -22,7 +23,7 @@ pub(super) struct Arguments {
     paths: Vec<PathBuf>,
     /// How many faces each frame is to have; several numbers are evaluated one by one.
     #[arg(long, value_name = "N", required = true, value_delimiter = ',')]
-    #[arg(value_parser = target_faces)]
+    #[arg(allow_negative_numbers = true, value_parser = target_faces)]
     target_faces: Vec<usize>,
     /// The tracking modes to be compared with the original QEM.
     #[arg(long, value_enum, value_name = "MODE", value_delimiter = ',')]
@@ -132,11 +133,4 @@ fn command() -> anyhow::Result<String> {
         .collect();
     let words = std::iter::once("steadymesh").chain(arguments.iter().map(String::as_str));
     shlex::try_join(words).context("the arguments cannot be quoted")
-}
-fn target_faces(text: &str) -> Result<usize, String> {
-    let faces = text.parse().map_err(|_| "it is not a whole number")?;
-    match TargetSize::Faces(faces).check(u32::MAX as usize) {
-        Ok(_) => Ok(faces),
-        Err(error) => Err(error.to_string()),
-    }
 }

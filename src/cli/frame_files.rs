@@ -25,7 +25,9 @@ const LIMITS: Limits = Limits {
 pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for path in paths {
-        if !path.is_dir() {
+        let metadata = std::fs::metadata(path)
+            .with_context(|| format!("{} cannot be read", path.display()))?;
+        if !metadata.is_dir() {
             files.push(path.clone());
             continue;
         }
@@ -33,14 +35,16 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
             .with_context(|| format!("the folder {} cannot be read", path.display()))?;
         let mut inside = Vec::new();
         for entry in entries {
-            let file = entry?.path();
+            let entry =
+                entry.with_context(|| format!("the folder {} cannot be read", path.display()))?;
+            let file = entry.path();
             if file.is_file() && format_by_name(&file).is_some() {
                 inside.push(file);
             }
         }
         if inside.is_empty() {
             bail!(
-                "the folder {} has no .obj, .ply, .glb, .drc or .smf files",
+                "the folder {} has no .obj, .ply, .glb, .gltf, .drc or .smf files",
                 path.display()
             );
         }
@@ -58,14 +62,10 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 pub(super) fn read_frame(path: &Path) -> anyhow::Result<RawFrame> {
     let bytes =
         std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
-    let format = format_by_name(path)
-        .or_else(|| sniff(&bytes))
-        .with_context(|| {
-            format!(
-                "{}: neither its name nor its content is OBJ, PLY, GLB, Draco or a native frame",
-                path.display()
-            )
-        })?;
+    if bytes.is_empty() {
+        bail!("{} is empty", path.display());
+    }
+    let format = format_of(path, &bytes)?;
     let mesh = read(&bytes, format, &LIMITS).with_context(|| path.display().to_string())?;
     Ok(RawFrame {
         positions: mesh.positions,
@@ -85,8 +85,22 @@ pub(super) fn to_file_mesh(mesh: &TriangleMesh) -> Mesh {
     }
 }
 
-/// The format that a file's name says it has.
-pub(super) fn format_by_name(path: &Path) -> Option<Format> {
+/// The format that a file's name says it has, or else its content.
+///
+/// # Errors
+///
+/// It has none.
+pub(super) fn format_of(path: &Path, bytes: &[u8]) -> anyhow::Result<Format> {
+    let format = format_by_name(path).or_else(|| sniff(bytes));
+    format.with_context(|| {
+        format!(
+            "{}: neither its name nor its content is OBJ, PLY, glTF, Draco or a native frame",
+            path.display()
+        )
+    })
+}
+
+fn format_by_name(path: &Path) -> Option<Format> {
     Format::from_extension(path.extension()?.to_str()?)
 }
 

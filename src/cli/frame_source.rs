@@ -7,9 +7,10 @@ use bytes::Bytes;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use steadymesh_mesh_io::Format;
 use steadymesh_proto::NativeFrame;
+use steadymesh_proto::wording::counted;
 use steadymesh_synthetic_rig::{Options, Rig};
 
-use super::frame_files::{expand, format_by_name};
+use super::frame_files::{expand, format_of};
 use super::progress::progress_bar;
 
 /// One take of frames, each ready to be sent any number of times.
@@ -48,6 +49,11 @@ impl FrameSource {
     /// If the rig cannot be had with these options.
     pub fn synthetic(options: &Options) -> anyhow::Result<Self> {
         let rig = Rig::new(options)?;
+        super::say(&format!(
+            "computing {} of about {} vertices, then sending begins",
+            counted(rig.period_frames(), "synthetic frame"),
+            options.vertex_count
+        ));
         let progress = progress_bar(rig.period_frames());
         let frames = (0..rig.period_frames()).into_par_iter().map(|index| {
             let frame = rig.frame(index);
@@ -84,11 +90,10 @@ impl FrameSource {
                 let name = path.display().to_string();
                 let body = tokio::fs::read(path).await;
                 let body = body.with_context(|| format!("{name} cannot be read"))?;
-                let content_type =
-                    format_by_name(path).map_or("application/octet-stream", Format::content_type);
+                let format = format_of(path, &body)?;
                 Ok(SourceFrame {
                     name,
-                    content_type,
+                    content_type: format.content_type(),
                     body: body.into(),
                 })
             }

@@ -2,12 +2,11 @@
 
 use std::time::{Duration, Instant, SystemTime};
 
-use anyhow::{Context, bail};
 use reqwest::{Client, Response, StatusCode, header};
 use steadymesh_proto::stream::{Accepted, Problem};
 
 use super::frame_source::SourceFrame;
-use super::remote::Remote;
+use super::remote::{Refusal, Remote};
 use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
@@ -26,19 +25,24 @@ pub(super) enum Sent {
 /// A publisher of one stream.
 #[derive(Debug)]
 pub(super) struct HttpPublisher {
+    remote: Remote,
     client: Client,
     frames: reqwest::Url,
     /// The next frame's number, once the server has given one. With it a frame whose answer was
     /// lost can be sent again without coming twice.
     next_seq: Option<u64>,
+    /// Whether the first frame ends the connection of another publisher.
+    takeover: bool,
 }
 
 impl HttpPublisher {
-    pub fn new(remote: &Remote) -> anyhow::Result<Self> {
+    pub fn new(remote: &Remote, takeover: bool) -> anyhow::Result<Self> {
         Ok(Self {
+            remote: remote.clone(),
             client: remote.http_client()?,
             frames: remote.url.under("frames"),
             next_seq: None,
+            takeover,
         })
     }
 
@@ -55,6 +59,8 @@ impl HttpPublisher {
             query.append_pair("capture_time_us", &microseconds(captured).to_string());
             if let Some(seq) = self.next_seq {
                 query.append_pair("seq", &seq.to_string());
+            } else if self.takeover {
+                query.append_pair("takeover", "true");
             }
         }
         let (started, mut delay) = (Instant::now(), FIRST_RETRY);
@@ -68,8 +74,7 @@ impl HttpPublisher {
                 Ok(response) => response,
                 // The very first frame finds out whether there is a server at all.
                 Err(error) if self.next_seq.is_none() || PATIENCE < started.elapsed() => {
-                    let server = self.frames.origin().ascii_serialization();
-                    return Err(error).with_context(|| format!("{server} cannot be reached"));
+                    return Err(self.remote.unreachable(&error));
                 }
                 Err(_) => {
                     tokio::time::sleep(delay).await;
@@ -109,11 +114,15 @@ async fn retry_after(response: Response) -> Duration {
 /// A frame that is wrong is refused alone; anything else would be refused for ever.
 async fn refused(status: StatusCode, response: Response) -> anyhow::Result<Sent> {
     let text = response.text().await.unwrap_or_default();
-    let detail = serde_json::from_str::<Problem>(&text).map_or(text, |problem| problem.detail);
     match status {
         StatusCode::PAYLOAD_TOO_LARGE
         | StatusCode::UNSUPPORTED_MEDIA_TYPE
-        | StatusCode::UNPROCESSABLE_ENTITY => Ok(Sent::Refused(detail)),
-        _ => bail!("the server answers {status}: {detail}"),
+        | StatusCode::UNPROCESSABLE_ENTITY => {
+            let problem = serde_json::from_str::<Problem>(&text);
+            Ok(Sent::Refused(
+                problem.map_or(text, |problem| problem.detail),
+            ))
+        }
+        _ => Err(Refusal::of(status, text.as_bytes()).into_publisher_error()),
     }
 }

@@ -17,6 +17,7 @@ mod serve;
 mod simplify;
 mod stream_url;
 mod subscribe;
+mod target;
 mod token;
 mod tracking_mode;
 mod websocket_publisher;
@@ -25,7 +26,7 @@ use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use anyhow::Context;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 /// Volumetric video that does not flicker.
 #[derive(Debug, Parser)]
@@ -91,13 +92,17 @@ async fn interrupted() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Ends the process with exit code 2, for what the parser cannot find out by itself.
+fn wrong_usage(message: &str) -> ! {
+    Cli::command()
+        .error(clap::error::ErrorKind::ValueValidation, message)
+        .exit()
+}
+
 /// Says something to the person at the terminal.
-#[expect(
-    clippy::print_stderr,
-    reason = "standard error is where commands talk to people"
-)]
 fn say(message: &str) {
-    eprintln!("{message}");
+    // Whoever closes the pipe does not want to hear it, which is no reason to stop.
+    writeln!(std::io::stderr(), "{message}").ok();
 }
 
 /// Says what is data: on standard output.

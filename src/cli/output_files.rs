@@ -14,6 +14,9 @@ pub(super) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
 
 /// Makes a folder, and those above it, unless they are there.
 pub(super) fn make_folder(folder: &Path) -> anyhow::Result<()> {
+    if folder.is_file() {
+        bail!("{} is a file, where a folder is expected", folder.display());
+    }
     std::fs::create_dir_all(folder)
         .with_context(|| format!("the folder {} cannot be made", folder.display()))
 }
@@ -39,6 +42,9 @@ pub(super) fn output_names(files: &[PathBuf], extension: &str) -> anyhow::Result
             .to_string_lossy();
         let name = format!("{stem}.{extension}");
         if let Some(first) = seen.insert(name.clone(), file) {
+            if first == file {
+                bail!("{} is named twice", file.display());
+            }
             let (first, second) = (first.display(), file.display());
             bail!("{first} and {second} would both be written to {name}: rename one of them");
         }

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
-use steadymesh_synthetic_rig::Options;
+use steadymesh_proto::wording::counted;
+use steadymesh_synthetic_rig::{MAX_VERTEX_COUNT, MIN_VERTEX_COUNT, Options};
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::frame_source::{FrameSource, SourceFrame};
@@ -16,13 +17,15 @@ use super::remote::{Remote, RemoteArguments};
 use super::websocket_publisher::WebSocketPublisher;
 
 #[derive(Debug, Args)]
+#[command(override_usage = "steadymesh publish [OPTIONS] <URL> <PATHS...|--synthetic>")]
 pub(super) struct Arguments {
     #[command(flatten)]
     remote: RemoteArguments,
     #[command(flatten)]
     source: SourceArguments,
     /// Frames per second.
-    #[arg(long, default_value_t = 30.0, value_parser = frames_per_second)]
+    #[arg(long, default_value_t = 30.0)]
+    #[arg(allow_negative_numbers = true, value_parser = frames_per_second)]
     fps: f64,
     /// Begin anew after the last frame.
     #[arg(long = "loop")]
@@ -30,8 +33,12 @@ pub(super) struct Arguments {
     /// How frames are sent.
     #[arg(long, value_enum, default_value_t = Transport::Http)]
     transport: Transport,
+    /// End the connection of another publisher by WebSocket, if there is one.
+    #[arg(long)]
+    takeover: bool,
     /// Vertices of a synthetic frame, about.
-    #[arg(long, value_name = "N", default_value_t = Options::default().vertex_count, conflicts_with = "paths")]
+    #[arg(long, value_name = "N", default_value_t = Options::default().vertex_count)]
+    #[arg(conflicts_with = "paths", allow_negative_numbers = true, value_parser = vertices)]
     vertices: usize,
 }
 
@@ -55,7 +62,7 @@ enum Transport {
 
 /// The publisher of the transport that was asked for.
 enum Publisher {
-    Http(HttpPublisher),
+    Http(Box<HttpPublisher>),
     WebSocket(Box<WebSocketPublisher>),
 }
 
@@ -70,8 +77,13 @@ struct Tally {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let remote = Remote::new(&arguments.remote)?;
+    let remote = Remote::new(&arguments.remote);
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
     let source = if arguments.source.synthetic {
+        // Before a minute of computing.
+        runtime.block_on(remote.reach())?;
         FrameSource::synthetic(&Options {
             vertex_count: arguments.vertices,
             frames_per_second: arguments.fps,
@@ -80,9 +92,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     } else {
         FrameSource::files(&arguments.source.paths)?
     };
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()?;
     runtime.block_on(publish(arguments, &remote, &source))
 }
 
@@ -105,6 +114,9 @@ async fn publish(
         signal = super::interrupted() => signal,
     };
     progress.finish_and_clear();
+    if outcome.is_err() && tally.sent + tally.refused == 0 {
+        return outcome;
+    }
     let Tally {
         sent,
         bytes,
@@ -113,14 +125,16 @@ async fn publish(
     } = tally;
     let seconds = started.elapsed().as_secs_f64();
     super::say(&format!(
-        "{sent} frames sent in {seconds:.1} s ({:.1} fps, {:.1} Mbit/s), {refused} refused, \
-         {waits} waits for the server",
+        "{} sent in {seconds:.1} s ({:.1} fps, {:.1} Mbit/s), {refused} refused, {} for the server",
+        counted(sent, "frame"),
         sent as f64 / seconds,
-        bytes as f64 * 8e-6 / seconds
+        bytes as f64 * 8e-6 / seconds,
+        counted(waits, "wait")
     ));
     outcome?;
     if 0 < refused {
-        bail!("{refused} frames were refused");
+        let was = if refused == 1 { "was" } else { "were" };
+        bail!("{} {was} refused", counted(refused, "frame"));
     }
     Ok(())
 }
@@ -133,8 +147,14 @@ async fn send_all(
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
     let mut publisher = match arguments.transport {
-        Transport::Http => Publisher::Http(HttpPublisher::new(remote)?),
-        Transport::Ws => Publisher::WebSocket(Box::new(WebSocketPublisher::connect(remote).await?)),
+        Transport::Http => {
+            let publisher = HttpPublisher::new(remote, arguments.takeover)?;
+            Publisher::Http(Box::new(publisher))
+        }
+        Transport::Ws => {
+            let publisher = WebSocketPublisher::connect(remote, arguments.takeover).await?;
+            Publisher::WebSocket(Box::new(publisher))
+        }
     };
     let mut pace = interval(Duration::from_secs_f64(1.0 / arguments.fps));
     // A frame that comes late is not made up for: the server would get a burst.
@@ -201,6 +221,15 @@ impl Tally {
     fn refuse(&mut self, name: &str, reason: &str, progress: &ProgressBar) {
         self.refused += 1;
         progress.suspend(|| super::say(&format!("{name}: {reason}")));
+    }
+}
+
+fn vertices(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if (MIN_VERTEX_COUNT..=MAX_VERTEX_COUNT).contains(&count) => Ok(count),
+        _ => Err(format!(
+            "a whole number from {MIN_VERTEX_COUNT} to {MAX_VERTEX_COUNT} is expected"
+        )),
     }
 }
 

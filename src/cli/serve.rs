@@ -15,7 +15,7 @@ use crate::server::Server;
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
 
-const UNUSABLE_DEFAULTS: &str = "streams.defaults or streams.rules in the configuration";
+pub(super) const UNUSABLE_DEFAULTS: &str = "streams.defaults or streams.rules in the configuration";
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -76,7 +76,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
             _ = terminate.recv() => break "SIGTERM",
             _ = interrupt.recv() => break "SIGINT",
             _ = hangup.recv() => match reload(arguments, &registry, &server).await {
-                Ok(()) => tracing::info!("the configuration has been read again (SIGHUP)"),
+                Ok(new) => tell_reloaded(config, &new),
                 Err(error) => tracing::error!(
                     "the configuration cannot be used, the old one stays: {error:#}"
                 ),
@@ -96,12 +96,30 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Takes what can be changed without dropping a connection: everything but addresses, threads
-/// and the log.
-async fn reload(arguments: &Arguments, registry: &Registry, server: &Server) -> anyhow::Result<()> {
+/// Says that a new configuration has been taken, and what of it has not.
+fn tell_reloaded(running: &Config, new: &Config) {
+    let ignored = running.only_after_restart(new);
+    if ignored.is_empty() {
+        tracing::info!("the configuration has been read again (SIGHUP)");
+    } else {
+        tracing::warn!(
+            "the configuration has been read again (SIGHUP), but these settings stay as they are \
+             until a restart: {}",
+            ignored.join(", ")
+        );
+    }
+}
+
+/// Takes what can be changed without dropping a connection, and gives the configuration that
+/// was read.
+async fn reload(
+    arguments: &Arguments,
+    registry: &Registry,
+    server: &Server,
+) -> anyhow::Result<Config> {
     let config = load(arguments)?;
     config.streams().check().context(UNUSABLE_DEFAULTS)?;
     server.reload(config.server()).await?;
     registry.reload(config.streams());
-    Ok(())
+    Ok(config)
 }

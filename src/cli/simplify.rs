@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::wording::counted;
 
 use crate::pipeline::{PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, process};
 use crate::stopwatch::{Stopwatch, microseconds};
@@ -18,6 +19,7 @@ use super::output_files::{
     create, is_same_folder, make_folder, output_names, refuse_to_overwrite, write_file,
 };
 use super::progress::progress_bar;
+use super::target::{target_faces, target_ratio};
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
@@ -48,10 +50,10 @@ pub(super) struct Arguments {
 #[group(required = true, multiple = false)]
 struct TargetArguments {
     /// How many faces each frame is to have.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = target_faces)]
     target_faces: Option<usize>,
     /// Which share of its faces each frame is to keep, above 0 and at most 1.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true, value_parser = target_ratio)]
     target_ratio: Option<f64>,
 }
 
@@ -156,13 +158,6 @@ fn settings(arguments: &Arguments) -> Settings {
         || TargetSize::Faces(target_faces.unwrap_or_default()),
         TargetSize::Ratio,
     );
-    let target = target.check(u32::MAX as usize).unwrap_or_else(|error| {
-        use clap::CommandFactory;
-        let message = error.to_string().replace("target_", "--target-");
-        super::Cli::command()
-            .error(clap::error::ErrorKind::ValueValidation, message)
-            .exit()
-    });
     Settings {
         target,
         tracking: arguments.tracking.into(),
@@ -199,9 +194,9 @@ fn warn_about(file: &Path, metrics: &FrameMetrics) {
         ));
     }
     if !metrics.output.target_reached {
-        let faces = metrics.output.faces;
+        let faces = counted(metrics.output.faces as u64, "face");
         super::say(&format!(
-            "{file}: {faces} faces are left, and no edge can be collapsed further"
+            "{file}: no edge can be collapsed any more, although the result has {faces}"
         ));
     }
 }

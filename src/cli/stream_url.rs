@@ -1,9 +1,10 @@
 //! The address of a stream, as people write it.
 
-use anyhow::{Context, bail};
 use reqwest::Url;
 
 use crate::streams::StreamName;
+
+const EXAMPLE: &str = "http://127.0.0.1:8080/v1/streams/demo";
 
 /// A stream on a server.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -19,26 +20,21 @@ impl StreamUrl {
     /// # Errors
     ///
     /// What is wrong with it.
-    pub fn parse(text: &str) -> anyhow::Result<Self> {
-        let mut server = Url::parse(text).with_context(|| {
-            format!("{text:?} is not the address of a stream, such as http://127.0.0.1:8080/v1/streams/demo")
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let url = Url::parse(text).ok();
+        let web = url.filter(|url| matches!(url.scheme(), "http" | "https"));
+        let mut server = web.ok_or_else(|| {
+            format!(
+                "an address that begins with http:// or https:// is expected, such as {EXAMPLE}"
+            )
         })?;
-        if !matches!(server.scheme(), "http" | "https") {
-            bail!(
-                "{text:?} begins with {}://, not with http:// or https://",
-                server.scheme()
-            );
-        }
         let path = server.path().trim_matches('/').to_owned();
         let name = ["v1/streams/", "watch/"]
             .iter()
             .find_map(|prefix| path.strip_prefix(prefix))
             .unwrap_or(&path);
-        let name = StreamName::parse(name).with_context(|| {
-            format!(
-                "{text:?} does not name a stream, as http://127.0.0.1:8080/v1/streams/demo does"
-            )
-        })?;
+        let name = StreamName::parse(name)
+            .map_err(|error| format!("it does not name a stream, as {EXAMPLE} does: {error}"))?;
         server.set_path("/");
         server.set_query(None);
         server.set_fragment(None);
@@ -62,9 +58,18 @@ impl StreamUrl {
         url
     }
 
-    /// The address for a WebSocket under the stream's own, such as `subscribe`.
-    pub fn websocket_under(&self, part: &str) -> String {
-        self.under(part).to_string().replacen("http", "ws", 1)
+    /// The address for a WebSocket under the stream's own, such as `subscribe`, with parameters.
+    pub fn websocket_under(&self, part: &str, parameters: &[(&str, &str)]) -> String {
+        let mut url = self.under(part);
+        if !parameters.is_empty() {
+            url.query_pairs_mut().extend_pairs(parameters);
+        }
+        url.to_string().replacen("http", "ws", 1)
+    }
+
+    /// The server's address, without a path.
+    pub fn server(&self) -> String {
+        self.server.origin().ascii_serialization()
     }
 }
 
@@ -85,8 +90,12 @@ mod tests {
         let frames = "http://127.0.0.1:8080/v1/streams/demo/frames";
         assert_eq!(expected.under("frames").as_str(), frames);
         assert_eq!(
-            expected.websocket_under("subscribe"),
+            expected.websocket_under("subscribe", &[]),
             "ws://127.0.0.1:8080/v1/streams/demo/subscribe"
+        );
+        assert_eq!(
+            expected.websocket_under("publish", &[("session", "a?b")]),
+            "ws://127.0.0.1:8080/v1/streams/demo/publish?session=a%3Fb"
         );
     }
 
@@ -95,10 +104,12 @@ mod tests {
         for text in [
             "http://127.0.0.1:8080",
             "127.0.0.1:8080/demo",
+            "localhost:8080/demo",
+            "ftp://h/demo",
             "http://h/v1/streams/A",
             "demo",
         ] {
-            let error = format!("{:#}", StreamUrl::parse(text).unwrap_err());
+            let error = StreamUrl::parse(text).unwrap_err();
             assert!(
                 error.contains("127.0.0.1:8080/v1/streams/demo"),
                 "{text}: {error}"

@@ -1,6 +1,6 @@
 //! `steadymesh subscribe`: a player without a screen.
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -8,7 +8,8 @@ use clap::Args;
 use futures_util::StreamExt;
 use indicatif::ProgressBar;
 use steadymesh_proto::DeliveredFrame;
-use steadymesh_proto::stream::ControlMessage;
+use steadymesh_proto::stream::{ControlMessage, EndReason};
+use steadymesh_proto::wording::counted;
 use tokio_tungstenite::tungstenite::Message;
 
 use super::progress::counter;
@@ -23,7 +24,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Stop after so many frames.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = frame_count)]
     frames: Option<u64>,
 }
 
@@ -31,11 +32,13 @@ pub(super) struct Arguments {
 struct Output {
     folder: Option<PathBuf>,
     metrics: Box<dyn Write>,
+    /// Whether the reader of standard output has left.
+    is_unread: bool,
 }
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let remote = Remote::new(&arguments.remote)?;
+    let remote = Remote::new(&arguments.remote);
     let mut output = Output::open(arguments.output.as_deref())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -52,7 +55,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .metrics
         .flush()
         .context("the metrics cannot be written");
-    super::say(&format!("{} frames received", progress.position()));
+    if output.is_unread {
+        // Whoever closes the pipe, as `head` does, has read enough.
+        return Ok(());
+    }
+    if outcome.is_ok() || 0 < progress.position() {
+        let received = counted(progress.position(), "frame");
+        super::say(&format!("{received} received"));
+    }
     outcome.and(flushed)
 }
 
@@ -62,7 +72,7 @@ async fn receive(
     output: &mut Output,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
-    let mut socket = remote.connect("subscribe").await?;
+    let mut socket = remote.connect("subscribe", &[]).await?;
     while limit.is_none_or(|limit| progress.position() < limit) {
         let Some(message) = socket.next().await else {
             bail!("the connection ended without a farewell");
@@ -70,17 +80,21 @@ async fn receive(
         match message.context("the connection broke")? {
             Message::Binary(bytes) => {
                 output.write(&bytes)?;
+                if output.is_unread {
+                    break;
+                }
                 progress.inc(1);
             }
             // Messages of a newer server that are not known here are none of our business.
             Message::Text(text) => match serde_json::from_str(&text) {
                 Ok(ControlMessage::Skipped { missed }) => progress.suspend(|| {
                     super::say(&format!(
-                        "{missed} frames missed: they came faster than they were read"
+                        "{} missed, because they came faster than they were read",
+                        counted(missed, "frame")
                     ));
                 }),
                 Ok(ControlMessage::End { reason }) => {
-                    super::say(&format!("the stream has ended ({reason:?})"));
+                    super::say(&format!("the stream has ended: {}", why(reason)));
                     return Ok(());
                 }
                 Ok(ControlMessage::Hello { .. }) | Err(_) => {}
@@ -100,6 +114,7 @@ impl Output {
             return Ok(Self {
                 folder: None,
                 metrics: Box::new(std::io::stdout()),
+                is_unread: false,
             });
         };
         super::output_files::make_folder(folder)?;
@@ -107,6 +122,7 @@ impl Output {
         Ok(Self {
             folder: Some(folder.to_owned()),
             metrics: Box::new(metrics),
+            is_unread: false,
         })
     }
 
@@ -116,9 +132,29 @@ impl Output {
             let path = folder.join(format!("{:06}.drc", frame.metrics.seq));
             super::output_files::write_file(&path, frame.mesh)?;
         }
-        serde_json::to_writer(&mut self.metrics, &frame.metrics)?;
-        self.metrics
-            .write_all(b"\n")
-            .context("the metrics cannot be written")
+        let mut line = serde_json::to_vec(&frame.metrics)?;
+        line.push(b'\n');
+        match self.metrics.write_all(&line) {
+            Err(error) if error.kind() == ErrorKind::BrokenPipe && self.folder.is_none() => {
+                self.is_unread = true;
+                Ok(())
+            }
+            written => written.context("the metrics cannot be written"),
+        }
+    }
+}
+
+fn why(reason: EndReason) -> &'static str {
+    match reason {
+        EndReason::Deleted => "it was deleted",
+        EndReason::Idle => "no frame had come for a long time",
+        EndReason::Shutdown => "the server stops",
+    }
+}
+
+fn frame_count(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(count) if 0 < count => Ok(count),
+        _ => Err("a whole number of at least 1 is expected".to_owned()),
     }
 }

@@ -10,7 +10,7 @@ use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 
 use super::frame_source::SourceFrame;
-use super::remote::{Remote, Socket};
+use super::remote::{Refusal, Remote, Socket};
 use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
@@ -56,8 +56,14 @@ impl WebSocketPublisher {
     /// # Errors
     ///
     /// If the server cannot be reached or refuses.
-    pub async fn connect(remote: &Remote) -> anyhow::Result<Self> {
-        let socket = remote.connect("publish").await?;
+    pub async fn connect(remote: &Remote, takeover: bool) -> anyhow::Result<Self> {
+        let parameters: &[_] = if takeover {
+            &[("takeover", "true")]
+        } else {
+            &[]
+        };
+        let socket = remote.connect("publish", parameters).await;
+        let socket = socket.map_err(explain)?;
         let mut publisher = Self {
             remote: remote.clone(),
             session: None,
@@ -208,17 +214,16 @@ impl WebSocketPublisher {
         let latest = loop {
             self.progress.waits += 1;
             let session = self.session.as_deref().unwrap_or_default();
-            match self
-                .remote
-                .connect(&format!("publish?session={session}"))
-                .await
-            {
+            let parameters = [("session", session)];
+            match self.remote.connect("publish", &parameters).await {
                 Ok(socket) => {
                     self.socket = socket;
                     self.messages = 0;
                     break self.welcome().await?;
                 }
-                Err(error) if PATIENCE < started.elapsed() => return Err(error),
+                Err(error) if is_final(&error) || PATIENCE < started.elapsed() => {
+                    return Err(explain(error));
+                }
                 Err(_) => {
                     tokio::time::sleep(delay).await;
                     delay = (delay * 2).min(MAX_RETRY);
@@ -257,5 +262,18 @@ impl WebSocketPublisher {
             }
             _ => bail!("the server does not welcome a publisher"),
         }
+    }
+}
+
+/// Whether the server has refused for good.
+fn is_final(error: &anyhow::Error) -> bool {
+    let refusal = error.downcast_ref::<Refusal>();
+    refusal.is_some_and(|refusal| !refusal.may_pass())
+}
+
+fn explain(error: anyhow::Error) -> anyhow::Error {
+    match error.downcast::<Refusal>() {
+        Ok(refusal) => refusal.into_publisher_error(),
+        Err(error) => error,
     }
 }

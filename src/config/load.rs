@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 
 use figment::Figment;
-use figment::error::Kind;
+use figment::error::{Actual, Kind};
 use figment::providers::{Env, Format, Serialized, Toml};
 
 use super::Config;
@@ -75,6 +75,7 @@ impl Config {
             })?;
             figment = figment.merge(Toml::string(&text));
         }
+        let place = file.map_or_else(|| "the file".to_owned(), |path| path.display().to_string());
         let names: Vec<String> = setting_names();
         let environment = Env::prefixed(PREFIX)
             .filter(move |key| {
@@ -85,7 +86,7 @@ impl Config {
         figment
             .merge(environment)
             .extract()
-            .map_err(|errors| ConfigError::Setting(explain(errors)))
+            .map_err(|errors| ConfigError::Setting(explain(errors, &place)))
     }
 
     /// Reads the text of a file, without the environment.
@@ -97,7 +98,7 @@ impl Config {
         Figment::from(Serialized::defaults(Self::default()))
             .merge(Toml::string(text))
             .extract()
-            .map_err(|errors| ConfigError::Setting(explain(errors)))
+            .map_err(|errors| ConfigError::Setting(explain(errors, "the file")))
     }
 
     /// Checks what cannot be checked setting by setting.
@@ -144,28 +145,98 @@ impl Config {
     }
 }
 
-/// What is wrong, where, and what may have been meant.
-fn explain(errors: figment::Error) -> String {
+impl Config {
+    /// The settings that differ in `new` and are read at the start only: a server that runs
+    /// with `self` must be started anew for them.
+    #[must_use]
+    pub fn only_after_restart(&self, new: &Self) -> Vec<&'static str> {
+        let differ = [
+            ("listen", self.listen != new.listen),
+            (
+                "internal_listen",
+                self.internal_listen != new.internal_listen,
+            ),
+            // The files of a certificate are read again; whether there is one is not.
+            ("tls", self.tls.is_some() != new.tls.is_some()),
+            ("log.level", self.log.level != new.log.level),
+            ("log.format", self.log.format != new.log.format),
+            (
+                "compute.threads",
+                self.compute.threads != new.compute.threads,
+            ),
+            ("compute.queue", self.compute.queue != new.compute.queue),
+            (
+                "limits.memory_bytes",
+                self.limits.memory_bytes != new.limits.memory_bytes,
+            ),
+            (
+                "limits.header_timeout_secs",
+                self.limits.header_timeout_secs != new.limits.header_timeout_secs,
+            ),
+        ];
+        let differ = differ.into_iter().filter(|(_, differs)| *differs);
+        differ.map(|(name, _)| name).collect()
+    }
+}
+
+/// What is wrong, where, and what may have been meant; `file` is what the file is called.
+fn explain(errors: figment::Error, file: &str) -> String {
     let messages = errors.into_iter().map(|error| {
-        let place = error.path.join(".");
-        let source = error
-            .metadata
-            .as_ref()
-            .map_or("", |metadata| &metadata.name);
-        let place = match (source.is_empty(), place.is_empty()) {
-            (_, true) => String::new(),
-            (true, false) => format!("{place}: "),
-            (false, false) => format!("{place} ({source}): "),
+        let source = error.metadata.as_ref().map(|metadata| &*metadata.name);
+        let is_environment = source.is_some_and(|name| name.contains("environment"));
+        let place = match (error.path.is_empty(), is_environment) {
+            (true, _) => format!("{file}: "),
+            (false, true) => {
+                let name = error.path.join("__").to_uppercase();
+                format!("{PREFIX}{name} in the environment: ")
+            }
+            (false, false) => format!("{} in {file}: ", error.path.join(".")),
         };
         match &error.kind {
             Kind::UnknownField(name, known) => {
                 let nearest = nearest(name, known);
                 format!("{place}there is no setting {name}{nearest}")
             }
+            Kind::InvalidType(found, expected) | Kind::InvalidValue(found, expected) => {
+                format!(
+                    "{place}{} is expected, not {}",
+                    wanted(expected),
+                    given(found)
+                )
+            }
+            Kind::UnknownVariant(found, known) => {
+                format!("{place}\"{found}\" is none of {}", known.join(", "))
+            }
+            Kind::MissingField(name) => format!("{place}the setting {name} is missing"),
             kind => format!("{place}{kind}"),
         }
     });
     messages.collect::<Vec<_>>().join("; ")
+}
+
+/// A type in the words of people who write no Rust.
+fn wanted(expected: &str) -> &str {
+    match expected {
+        "usize" | "u64" | "u32" | "u16" | "u8" => "a whole number of at least 0",
+        "i64" | "i32" => "a whole number",
+        "f64" | "f32" => "a number",
+        "a boolean" | "bool" => "true or false",
+        "a sequence" => "a list",
+        other => other,
+    }
+}
+
+fn given(found: &Actual) -> String {
+    match found {
+        Actual::Bool(value) => value.to_string(),
+        Actual::Unsigned(value) => value.to_string(),
+        Actual::Signed(value) => value.to_string(),
+        Actual::Float(value) => value.to_string(),
+        Actual::Str(text) => format!("\"{text}\""),
+        Actual::Seq => "a list".to_owned(),
+        Actual::Map => "a table".to_owned(),
+        other => other.to_string(),
+    }
 }
 
 /// The known name that is closest to one that is not.
@@ -231,6 +302,54 @@ mod tests {
             error.contains("there is no setting body_bites: did you mean body_bytes?"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_told_apart_from_what_is_expected() {
+        for (text, expected) in [
+            (
+                "[streams]\nhistory = -3",
+                "streams.history in the file: a whole number of at least 0 is expected, not -3",
+            ),
+            (
+                "[limits]\nfaces = 'many'",
+                "limits.faces in the file: a whole number of at least 0 is expected, not \"many\"",
+            ),
+            (
+                "streams.defaults.tracking = 'fast'",
+                "streams.defaults.tracking in the file: \"fast\" is none of off, paper, robust",
+            ),
+            (
+                "allow_public_without_tokens = 1",
+                "allow_public_without_tokens in the file: true or false is expected, not 1",
+            ),
+        ] {
+            assert_eq!(from_toml(text).unwrap_err(), expected);
+        }
+        let error = from_toml("[streams").unwrap_err();
+        assert!(
+            error.starts_with("the file: TOML parse error at line 1"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn what_a_running_server_cannot_take_is_named() {
+        let running = Config::default();
+        let new = from_toml(
+            "listen = '127.0.0.1:8081'\n[compute]\nthreads = 3\n[log]\nlevel = 'debug'\n\
+             [limits]\nmemory_bytes = 1\nconnections = 3\n[streams]\nhistory = 3",
+        );
+        assert_eq!(
+            running.only_after_restart(&new.unwrap()),
+            [
+                "listen",
+                "log.level",
+                "compute.threads",
+                "limits.memory_bytes"
+            ]
+        );
+        assert!(running.only_after_restart(&running).is_empty());
     }
 
     #[test]

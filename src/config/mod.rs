@@ -72,7 +72,7 @@ pub struct RequestLimits {
     pub vertices: usize,
     /// Faces of a frame, polygons cut into triangles.
     pub faces: usize,
-    /// Bytes that decoding a frame's Draco data may take.
+    /// Bytes that decoding Draco data or base64 in a frame may take.
     pub decode_memory_bytes: usize,
     /// Bytes of bodies that are being received at a time, over all streams.
     pub memory_bytes: usize,

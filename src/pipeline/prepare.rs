@@ -30,7 +30,7 @@ pub enum UnusableFrame {
     Mesh(#[from] InvalidMesh),
     /// Too little is left to be simplified or registered.
     #[error(
-        "{faces} faces are left of {received} after dropping degenerate and duplicate ones: a \
+        "too few usable faces: {faces} of {received}, the others being degenerate or duplicate; a \
          frame needs at least {MIN_FACES}"
     )]
     TooFewFaces {

@@ -24,8 +24,8 @@ use super::extract::{Asking, Strict};
 use super::prefer::Wait;
 
 const TYPES: &str = "model/obj, model/ply, model/gltf-binary, model/gltf+json, \
-                     application/vnd.draco, application/vnd.steadymesh.frame, or application/octet-stream to let the \
-                     server find out";
+                     application/vnd.draco, application/vnd.steadymesh.frame, or \
+                     application/octet-stream to let the server find out";
 
 /// 2^53 - 1, the largest number that players in every language can tell from its neighbours.
 const MAX_NUMBER: u64 = (1 << 53) - 1;

@@ -216,6 +216,19 @@ impl Server {
         })
     }
 
+    /// Finds out whether the files that `options` name can be used.
+    ///
+    /// # Errors
+    ///
+    /// [`NotStarted`] names the one that cannot.
+    pub async fn check(options: &Options) -> Result<(), NotStarted> {
+        Auth::new(&options.auth)?;
+        if let Some(files) = &options.tls {
+            load_tls(files).await?;
+        }
+        Ok(())
+    }
+
     /// Takes a new configuration, all of it or nothing. Connections stay. Addresses stay what
     /// they were, and so does whether TLS is spoken.
     ///

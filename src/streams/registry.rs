@@ -86,7 +86,7 @@ pub enum NotConfigured {
     #[error(transparent)]
     Invalid(#[from] InvalidConfig),
     /// There are as many streams as there may be.
-    #[error("there are {limit} streams already, which is the limit")]
+    #[error("the limit on streams is reached, which is {limit}")]
     TooManyStreams {
         /// How many there may be.
         limit: usize,

@@ -36,13 +36,26 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// Which events are written.
+    ///
+    /// # Errors
+    ///
+    /// [`NotSetUp::Level`].
+    pub fn filter(&self) -> Result<EnvFilter, NotSetUp> {
+        EnvFilter::try_new(&self.level).map_err(|_| NotSetUp::Level {
+            level: self.level.clone(),
+        })
+    }
+}
+
 /// Why the log could not be set up.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NotSetUp {
     /// The level is not one.
     #[error(
-        "log.level {level:?} is neither a level (error, warn, info, debug, trace) nor a list of directives"
+        "log.level \"{level}\" is neither a level (error, warn, info, debug, trace) nor a list of directives"
     )]
     Level {
         /// What was given.
@@ -59,12 +72,8 @@ pub enum NotSetUp {
 ///
 /// [`NotSetUp`].
 pub fn set_up(options: &Options) -> Result<(), NotSetUp> {
-    let level = &options.level;
-    let filter = EnvFilter::try_new(level).map_err(|_| NotSetUp::Level {
-        level: level.clone(),
-    })?;
     let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+        .with_env_filter(options.filter()?)
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr);
     let outcome = match options.format {

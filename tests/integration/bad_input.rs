@@ -102,7 +102,7 @@ async fn no_faces_and_a_single_triangle_are_too_few() {
     )
     .await;
     let triangle = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec();
-    expect(&server, triangle, 422, &["1 faces", "at least 4"]).await;
+    expect(&server, triangle, 422, &["1 of 1", "at least 4"]).await;
 }
 
 #[tokio::test]

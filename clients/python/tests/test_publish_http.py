@@ -177,7 +177,7 @@ def test_a_closed_publisher_says_so() -> None:
 
 def test_a_file_of_another_kind_is_refused_by_name(tmp_path: Path) -> None:
     with http_server() as fake, Publisher(fake.url, "http") as publisher:
-        with pytest.raises(ValueError, match=r"frame\.txt is none of \.drc, \.glb, \.obj"):
+        with pytest.raises(ValueError, match=r"frame\.txt is none of \.drc, \.glb, \.gltf, \.obj"):
             publisher.publish_file(tmp_path / "frame.txt")
         (tmp_path / "frame.smf").write_bytes(b"SMF2")
         with pytest.raises(ValueError, match=r"frame\.smf: a native frame starts"):

@@ -74,7 +74,10 @@ pub enum DecodeError {
         id: Option<u32>,
     },
     /// An attribute has the wrong number of components.
-    #[error("the {what} of the Draco mesh have {found} components; {expected} are needed")]
+    #[error(
+        "the {what} of the Draco mesh have {found} component{}; {expected} are needed",
+        if *.found == 1 { "" } else { "s" }
+    )]
     ComponentCount {
         /// The attribute.
         what: &'static str,
@@ -102,6 +105,19 @@ pub enum DecodeError {
 ///
 /// See [`DecodeError`].
 pub fn decode(bytes: &[u8], limits: &DecodeLimits) -> Result<DecodedMesh, DecodeError> {
+    decode_and_identify(bytes, limits).map(|(mesh, _)| mesh)
+}
+
+/// [`decode`], and the unique ids under which a container (glTF) would name the attributes that
+/// it returns.
+///
+/// # Errors
+///
+/// As [`decode`].
+pub fn decode_and_identify(
+    bytes: &[u8],
+    limits: &DecodeLimits,
+) -> Result<(DecodedMesh, AttributeIds), DecodeError> {
     let mesh = Mesh::decode(bytes, limits)?;
     let attributes = mesh.attributes()?;
     let first = |kind: Kind| {
@@ -114,18 +130,23 @@ pub fn decode(bytes: &[u8], limits: &DecodeLimits) -> Result<DecodedMesh, Decode
         what: Kind::Position.name(),
         id: None,
     })?;
+    let (normal, color) = (usable(Kind::Normal), usable(Kind::Color));
+    let coordinate = usable(Kind::TextureCoordinate);
     let scale = Scale::ByFlag;
-    Ok(DecodedMesh {
+    let decoded = DecodedMesh {
         faces: mesh.faces()?,
         positions: mesh.vectors(position, Kind::Position, scale)?,
-        normals: mesh.optional_vectors(usable(Kind::Normal), Kind::Normal, scale)?,
-        colors: usable(Kind::Color).map(|a| mesh.colors(a)).transpose()?,
-        texture_coordinates: mesh.optional_vectors(
-            usable(Kind::TextureCoordinate),
-            Kind::TextureCoordinate,
-            scale,
-        )?,
-    })
+        normals: mesh.optional_vectors(normal, Kind::Normal, scale)?,
+        colors: color.map(|a| mesh.colors(a)).transpose()?,
+        texture_coordinates: mesh.optional_vectors(coordinate, Kind::TextureCoordinate, scale)?,
+    };
+    let ids = AttributeIds {
+        position: position.info.unique_id,
+        normal: normal.map(|a| a.info.unique_id),
+        color: color.map(|a| a.info.unique_id),
+        texture_coordinate: coordinate.map(|a| a.info.unique_id),
+    };
+    Ok((decoded, ids))
 }
 
 /// Decodes a Draco mesh whose container (glTF) names the attributes by unique id.
@@ -165,31 +186,6 @@ pub fn decode_with_ids(
         normals: mesh.optional_vectors(normal, Kind::Normal, scale)?,
         colors: color.map(|a| mesh.colors(a)).transpose()?,
         texture_coordinates: mesh.optional_vectors(coordinate, Kind::TextureCoordinate, scale)?,
-    })
-}
-
-/// The unique ids under which a container would name the attributes that [`decode`] returns.
-///
-/// # Errors
-///
-/// See [`DecodeError`].
-pub fn attribute_ids(bytes: &[u8], limits: &DecodeLimits) -> Result<AttributeIds, DecodeError> {
-    let attributes = Mesh::decode(bytes, limits)?.attributes()?;
-    let id = |kind: Kind| {
-        let first = attributes
-            .iter()
-            .find(|a| a.info.semantic == kind.semantic())?;
-        kind.accepts(first.info.component_count as usize)
-            .then_some(first.info.unique_id)
-    };
-    Ok(AttributeIds {
-        position: id(Kind::Position).ok_or(DecodeError::MissingAttribute {
-            what: Kind::Position.name(),
-            id: None,
-        })?,
-        normal: id(Kind::Normal),
-        color: id(Kind::Color),
-        texture_coordinate: id(Kind::TextureCoordinate),
     })
 }
 

@@ -21,7 +21,7 @@ mod mesh;
 mod status;
 
 pub use decode::{
-    AttributeIds, DecodeError, DecodeLimits, attribute_ids, decode, decode_with_ids,
+    AttributeIds, DecodeError, DecodeLimits, decode, decode_and_identify, decode_with_ids,
     last_decode_peak_bytes,
 };
 pub use encode::{EncodeError, EncodeOptions, Encoded, encode, encode_with_info};

@@ -42,17 +42,28 @@ pub(crate) fn positions(positions: &[[f64; 3]]) -> Result<(), ReadError> {
         .try_for_each(|(vertex, &p)| position(p, vertex, None))
 }
 
+/// Checks one texture coordinate; `line` is `None` in binary formats.
+pub(crate) fn texture_coordinate(
+    value: [f32; 2],
+    index: usize,
+    line: Option<usize>,
+) -> Result<(), ReadError> {
+    if value.iter().all(|number| number.is_finite()) {
+        return Ok(());
+    }
+    Err(ReadError::NotFinite {
+        what: "texture coordinate",
+        index,
+        line,
+    })
+}
+
 /// Checks all texture coordinates of a binary format.
 pub(crate) fn texture_coordinates(values: &[[f32; 2]]) -> Result<(), ReadError> {
-    let is_bad = |value: &[f32; 2]| value.iter().any(|number| !number.is_finite());
-    match values.iter().position(is_bad) {
-        Some(index) => Err(ReadError::NotFinite {
-            what: "texture coordinate",
-            index,
-            line: None,
-        }),
-        None => Ok(()),
-    }
+    values
+        .iter()
+        .enumerate()
+        .try_for_each(|(index, &value)| texture_coordinate(value, index, None))
 }
 
 /// Replaces normals that are not finite, as exporters write them for degenerate

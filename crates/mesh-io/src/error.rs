@@ -1,6 +1,7 @@
 //! Why bytes are not a usable mesh.
 
 use steadymesh_draco::DecodeError;
+use steadymesh_proto::wording::counted;
 
 /// Why bytes are not a usable mesh. Vertices and faces are counted from 0, lines from 1.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -33,8 +34,9 @@ pub enum ReadError {
     },
     /// Vertices, but no faces.
     #[error(
-        "the {format} file has {vertices} vertices but no faces; point clouds and line sets \
-         cannot be used, send triangles or polygons"
+        "the {format} file has {} but no faces; point clouds and line sets cannot be used, send \
+         triangles or polygons",
+        counted(*.vertices as u64, "vertex")
     )]
     NoFaces {
         /// The format's usual name.
@@ -68,9 +70,9 @@ pub enum ReadError {
     },
     /// A face refers to something that is not there.
     #[error(
-        "{}face {face} refers to {what} {index}, but there are {count} {}",
+        "{}face {face} refers to {what} {index}, but there {}",
         on_line(*.line),
-        plural(.what)
+        are(*.count, .what)
     )]
     IndexOutOfRange {
         /// The index of the face.
@@ -134,10 +136,8 @@ fn on_line(line: Option<usize>) -> String {
         .unwrap_or_default()
 }
 
-fn plural(what: &str) -> String {
-    if what == "vertex" {
-        "vertices".to_owned()
-    } else {
-        format!("{what}s")
-    }
+/// How many there are: `are 3 vertices`, `is 1 vertex`.
+pub(crate) fn are(count: usize, one: &str) -> String {
+    let verb = if count == 1 { "is" } else { "are" };
+    format!("{verb} {}", counted(count as u64, one))
 }

@@ -138,7 +138,7 @@ fn cycles_and_shared_children_are_refused() {
         ),
         (
             json!([{ "children": [7] }]),
-            "node 7 is referred to, but there are 1",
+            "node 7 is referred to, but there is 1",
         ),
     ] {
         let file = with_indices(4, &[0, 1, 2], |document| document["nodes"] = nodes);
@@ -249,7 +249,7 @@ fn spans_beyond_their_buffer_are_refused() {
     assert!(error.contains("buffer view 1"), "{error}");
     let error = set("/bufferViews/1/buffer", 1);
     assert!(
-        error.contains("buffer 1 is referred to, but there are 1"),
+        error.contains("buffer 1 is referred to, but there is 1"),
         "{error}"
     );
     let error = set("/accessors/0/componentType", 5124);

@@ -145,7 +145,7 @@ fn mistakes_name_the_line_and_the_token() {
         ),
         (
             "v 0 0 0\nf 1 1 -2\n",
-            "line 2: face 0 refers to vertex -2, but there are 1 vertices",
+            "line 2: face 0 refers to vertex -2, but there is 1 vertex",
         ),
         (
             "v 0 0 0\nvt nan 0\n",
@@ -172,7 +172,7 @@ fn an_index_out_of_range_names_face_line_and_count() {
     let message = message(&format!("{TRIANGLE}vt 0 0\nf 1/1 2/1 3/2\n"));
     assert_eq!(
         message,
-        "line 5: face 0 refers to texture coordinate 2, but there are 1 texture coordinates"
+        "line 5: face 0 refers to texture coordinate 2, but there is 1 texture coordinate"
     );
 }
 

@@ -347,7 +347,7 @@ fn what_is_missing_is_named() {
         ),
         (
             vertices.clone(),
-            "the PLY file has 1 vertices but no faces; point clouds and line sets cannot be \
+            "the PLY file has 1 vertex but no faces; point clouds and line sets cannot be \
              used, send triangles or polygons",
         ),
         (

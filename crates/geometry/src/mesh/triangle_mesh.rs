@@ -39,9 +39,7 @@ pub enum InvalidMesh {
         z: f64,
     },
     /// A face names a vertex that does not exist.
-    #[error(
-        "face {face} refers to vertex {index} (counted from 0), but there are {vertex_count} vertices"
-    )]
+    #[error("face {face} refers to vertex {index}, counted from 0, of {vertex_count}")]
     Index {
         /// Index of the face, from 0.
         face: usize,

@@ -1,7 +1,5 @@
 //! Why a registration could not be computed.
 
-use super::rigid::MIN_CORRESPONDENCES;
-
 /// People come and go and swing things; a frame a hundred times larger is another unit, and
 /// looking for closest points from that far away would take minutes.
 pub(super) const MAX_SIZE_FACTOR: f64 = 20.0;
@@ -22,10 +20,12 @@ pub enum RegistrationError {
         target_count: usize,
     },
     /// Too few pairs to determine six degrees of freedom.
-    #[error("{found} correspondences, need at least {MIN_CORRESPONDENCES}")]
+    #[error("too few correspondences: {found}, where at least {needed} are needed")]
     TooFewCorrespondences {
         /// Pairs that were left after rejection.
         found: usize,
+        /// How many the step that failed must have.
+        needed: usize,
     },
     /// One mesh is many times the size of the other: they are not frames of one scene.
     #[error(

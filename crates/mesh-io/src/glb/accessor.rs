@@ -4,6 +4,8 @@ use super::buffers::Buffers;
 use super::document::{Accessor, BufferView, Document, Sparse, entry};
 use super::malformed;
 use crate::ReadError;
+use crate::error::are;
+use steadymesh_proto::wording::counted;
 
 /// A document with the bytes of its buffers.
 pub(super) struct Source<'a> {
@@ -147,8 +149,8 @@ impl<'a> Source<'a> {
             .and_then(|end| data.get(view.byte_offset..end))
             .ok_or_else(|| {
                 malformed(format!(
-                    "buffer view {index} spans {} bytes from {} on, but buffer {} has {}",
-                    view.byte_length,
+                    "buffer view {index} spans {} from {} on, but buffer {} has {}",
+                    counted(view.byte_length as u64, "byte"),
                     view.byte_offset,
                     view.buffer,
                     data.len()
@@ -212,7 +214,8 @@ impl<'a> Source<'a> {
             let index = indices.component(element, 0);
             let value = values.get_mut(index as usize).ok_or_else(|| {
                 malformed(format!(
-                    "a sparse index is {index}, but there are {count} elements"
+                    "a sparse index is {index}, but there {}",
+                    are(count, "element")
                 ))
             })?;
             *value = std::array::from_fn(|n| new.component(element, n));
@@ -231,8 +234,10 @@ fn span(bytes: &[u8], count: usize, stride: usize, size: usize) -> Result<(), Re
     };
     if needed.is_none_or(|needed| needed > bytes.len()) {
         return Err(malformed(format!(
-            "{count} elements of {size} bytes at distances of {stride} do not fit into {} bytes",
-            bytes.len()
+            "{} of {} at distances of {stride} do not fit into {}",
+            counted(count as u64, "element"),
+            counted(size as u64, "byte"),
+            counted(bytes.len() as u64, "byte")
         )));
     }
     Ok(())

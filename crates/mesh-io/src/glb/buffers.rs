@@ -4,6 +4,7 @@ use super::document::{Buffer, Document, entry};
 use super::{data_uri, malformed};
 use crate::{Limits, ReadError};
 use std::borrow::Cow;
+use steadymesh_proto::wording::counted;
 
 /// The buffers of a document: the binary chunk, and those that stand in the text.
 pub(super) struct Buffers<'a> {
@@ -65,8 +66,8 @@ impl<'a> Buffers<'a> {
                 None => "the binary chunk",
             };
             malformed(format!(
-                "buffer {index} is to have {} bytes, but {place} has {}",
-                buffer.byte_length,
+                "buffer {index} is to have {}, but {place} has {}",
+                counted(buffer.byte_length as u64, "byte"),
                 data.len()
             ))
         })

@@ -2,6 +2,7 @@
 
 use super::malformed;
 use crate::ReadError;
+use crate::error::are;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, SeqAccess, Visitor};
 use std::collections::BTreeMap;
@@ -209,8 +210,8 @@ pub(super) fn entry<'a, T>(
 ) -> Result<&'a T, ReadError> {
     array.0.get(index).ok_or_else(|| {
         malformed(format!(
-            "{what} {index} is referred to, but there are {}",
-            array.0.len()
+            "{what} {index} is referred to, but there {}",
+            are(array.0.len(), what)
         ))
     })
 }

@@ -3,8 +3,10 @@
 use super::accessor::{Component, Source};
 use super::document::{Accessor, DracoExtension, Primitive};
 use super::malformed;
+use crate::error::are;
 use crate::{Limits, ReadError, check, drc};
 use steadymesh_draco::{AttributeIds, decode_with_ids};
+use steadymesh_proto::wording::counted;
 
 /// The vertices of a primitive in local coordinates, one value each.
 pub(super) struct Vertices {
@@ -65,8 +67,8 @@ impl Mode {
                 let (triangles, rest) = indices.as_chunks::<3>();
                 if !rest.is_empty() {
                     return Err(malformed(format!(
-                        "a list of triangles has {} indices, which is not a multiple of 3",
-                        indices.len()
+                        "a list of triangles has {}, which is not a multiple of 3",
+                        counted(indices.len() as u64, "index")
                     )));
                 }
                 Ok(triangles.to_vec())
@@ -255,8 +257,9 @@ fn check_shape(
     }
     if accessor.count != count {
         return Err(malformed(format!(
-            "{name} has {} values, but there are {count} vertices",
-            accessor.count
+            "{name} has {}, but there {}",
+            counted(accessor.count as u64, "value"),
+            are(count, "vertex")
         )));
     }
     Ok(())

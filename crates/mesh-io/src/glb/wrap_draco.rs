@@ -4,7 +4,7 @@ use super::container;
 use super::write::bounds;
 use crate::{Limits, ReadError, drc};
 use serde_json::{Map, Value, json};
-use steadymesh_draco::{attribute_ids, decode};
+use steadymesh_draco::decode_and_identify;
 
 /// What glTF says about a Draco mesh outside of its bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ impl DracoInfo {
     /// [`ReadError`] if it cannot be decoded.
     pub fn read(bytes: &[u8], limits: &Limits) -> Result<Self, ReadError> {
         let limits = drc::decode_limits(limits);
-        let (mesh, ids) = (decode(bytes, &limits)?, attribute_ids(bytes, &limits)?);
+        let (mesh, ids) = decode_and_identify(bytes, &limits)?;
         let (min, max) = bounds(&mesh.positions);
         Ok(Self {
             position_id: ids.position,

@@ -5,6 +5,7 @@ use super::face::{Corner, Indices, parse_corner};
 use crate::cursor::{Lines, Tokens, number, shown};
 use crate::{Attribute, Limits, Mesh, ReadError, check};
 use std::borrow::Cow;
+use steadymesh_proto::wording::counted;
 
 /// Reads an OBJ file.
 ///
@@ -127,15 +128,7 @@ impl<'a> Reader<'a> {
             return Err(too_few(line, "vt", count, 1));
         }
         let coordinate = [numbers[0] as f32, numbers[1] as f32];
-        if coordinate.iter().any(|value| !value.is_finite()) {
-            let index = self.coordinates.len();
-            let line = Some(line);
-            return Err(ReadError::NotFinite {
-                what: "texture coordinate",
-                index,
-                line,
-            });
-        }
+        check::texture_coordinate(coordinate, self.coordinates.len(), Some(line))?;
         self.coordinates.push(coordinate);
         Ok(())
     }
@@ -227,8 +220,10 @@ fn parse_numbers(
 }
 
 fn too_few(line: usize, record: &str, found: usize, needed: usize) -> ReadError {
-    let what = if record == "f" { "corners" } else { "numbers" };
-    let message = format!("`{record}` has {found} {what}, but at least {needed} are needed");
+    let what = if record == "f" { "corner" } else { "number" };
+    let found = counted(found as u64, what);
+    let verb = if needed == 1 { "is" } else { "are" };
+    let message = format!("`{record}` has {found}, but at least {needed} {verb} needed");
     ReadError::Obj { line, message }
 }
 

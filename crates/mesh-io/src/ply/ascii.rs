@@ -3,7 +3,7 @@
 use super::binary::list_length;
 use super::header::{Element, Kind};
 use super::malformed;
-use super::read::{Role, Sinks};
+use super::read::{Record, Role, Sinks};
 use crate::ReadError;
 use crate::cursor::{Lines, Tokens, number, shown};
 
@@ -25,8 +25,7 @@ pub(super) struct AsciiBody<'a> {
     /// What is left of the current line, and its number.
     tokens: Tokens<'a>,
     line: usize,
-    scalars: Vec<f64>,
-    corners: Vec<f64>,
+    record: Record,
 }
 
 impl<'a> AsciiBody<'a> {
@@ -36,8 +35,7 @@ impl<'a> AsciiBody<'a> {
             lines: Lines::new(body, first_line),
             tokens: Tokens::new(&[]),
             line: first_line,
-            scalars: Vec::new(),
-            corners: Vec::new(),
+            record: Record::default(),
         }
     }
 
@@ -61,14 +59,8 @@ impl<'a> AsciiBody<'a> {
                 continue;
             }
             let line = self.line;
-            self.record(element, record, sinks.corner_list)?;
-            match role {
-                Role::Vertex => sinks
-                    .vertices
-                    .push(|index| self.scalars[index], Some(line))?,
-                Role::Face => sinks.faces.push(&self.corners, Some(line))?,
-                Role::Other => {}
-            }
+            self.read_record(element, record, sinks.corner_list)?;
+            sinks.push(role, &self.record, Some(line))?;
         }
         Ok(())
     }
@@ -98,33 +90,33 @@ impl<'a> AsciiBody<'a> {
         false
     }
 
-    /// Reads one record into `scalars`, one entry per property, and `corners`.
-    fn record(
+    /// Reads one record.
+    fn read_record(
         &mut self,
         element: &Element,
         record: u64,
         corner_list: usize,
     ) -> Result<(), ReadError> {
-        self.scalars.clear();
+        self.record.scalars.clear();
         for (index, property) in element.properties.iter().enumerate() {
             match property.kind {
                 Kind::Scalar(_) => {
                     let scalar = self.number(element, record)?;
-                    self.scalars.push(scalar);
+                    self.record.scalars.push(scalar);
                 }
                 Kind::List { .. } => {
                     let length = list_length(self.number(element, record)?, element, record)?;
                     if index == corner_list {
-                        self.corners.clear();
+                        self.record.corners.clear();
                     }
                     // The tokens run out long before a hostile length does.
                     for _ in 0..length {
                         let item = self.number(element, record)?;
                         if index == corner_list {
-                            self.corners.push(item);
+                            self.record.corners.push(item);
                         }
                     }
-                    self.scalars.push(0.0);
+                    self.record.scalars.push(0.0);
                 }
             }
         }

@@ -3,23 +3,21 @@
 use super::header::{Element, Kind, Scalar};
 use super::layout;
 use super::malformed;
-use super::read::{Role, Sinks};
+use super::read::{Record, Role, Sinks};
 use crate::ReadError;
 
 /// What is left of a body.
 pub(super) struct BinaryBody<'a, const BIG: bool> {
     rest: &'a [u8],
-    /// The numbers of the current record's scalars, and of its corner list.
-    scalars: Vec<f64>,
-    corners: Vec<f64>,
+    /// The current one.
+    record: Record,
 }
 
 impl<'a, const BIG: bool> BinaryBody<'a, BIG> {
     pub(super) fn new(rest: &'a [u8]) -> Self {
         Self {
             rest,
-            scalars: Vec::new(),
-            corners: Vec::new(),
+            record: Record::default(),
         }
     }
 
@@ -110,31 +108,27 @@ impl<'a, const BIG: bool> BinaryBody<'a, BIG> {
             return Ok(());
         }
         for record in first..element.count {
-            self.record(element, record, sinks.corner_list)?;
-            match role {
-                Role::Vertex => sinks.vertices.push(|index| self.scalars[index], None)?,
-                Role::Face => sinks.faces.push(&self.corners, None)?,
-                Role::Other => {}
-            }
+            self.read_record(element, record, sinks.corner_list)?;
+            sinks.push(role, &self.record, None)?;
         }
         Ok(())
     }
 
-    /// Reads one record into `scalars`, one entry per property, and `corners`.
-    fn record(
+    /// Reads one record.
+    fn read_record(
         &mut self,
         element: &Element,
         record: u64,
         corner_list: usize,
     ) -> Result<(), ReadError> {
-        self.scalars.clear();
+        self.record.scalars.clear();
         for (index, property) in element.properties.iter().enumerate() {
             match property.kind {
                 Kind::Scalar(scalar) => {
                     let bytes = self
                         .take(scalar.size())
                         .ok_or_else(|| self.ends(element, record))?;
-                    self.scalars.push(load::<BIG>(scalar, bytes));
+                    self.record.scalars.push(load::<BIG>(scalar, bytes));
                 }
                 Kind::List { count, item } => {
                     let bytes = self
@@ -146,12 +140,13 @@ impl<'a, const BIG: bool> BinaryBody<'a, BIG> {
                         .and_then(|size| self.take(size))
                         .ok_or_else(|| self.ends(element, record))?;
                     if index == corner_list {
-                        self.corners.clear();
+                        self.record.corners.clear();
                         let items = bytes.chunks_exact(item.size());
-                        self.corners
+                        self.record
+                            .corners
                             .extend(items.map(|bytes| load::<BIG>(item, bytes)));
                     }
-                    self.scalars.push(0.0);
+                    self.record.scalars.push(0.0);
                 }
             }
         }

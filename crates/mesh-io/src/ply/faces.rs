@@ -2,6 +2,7 @@
 
 use super::malformed;
 use crate::{Limits, ReadError, check};
+use steadymesh_proto::wording::counted;
 
 pub(super) struct Faces<'a> {
     limits: &'a Limits,
@@ -30,7 +31,8 @@ impl<'a> Faces<'a> {
                 .map(|line| format!("line {line}: "))
                 .unwrap_or_default();
             return Err(malformed(format!(
-                "{place}face {face} has {count} corners, but at least 3 are needed"
+                "{place}face {face} has {}, but at least 3 are needed",
+                counted(count as u64, "corner")
             )));
         }
         let index = |corner: f64| self.index(corner, line);

@@ -3,6 +3,7 @@
 use super::malformed;
 use crate::ReadError;
 use crate::cursor::{Lines, Tokens, shown};
+use steadymesh_proto::wording::counted;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Encoding {
@@ -89,12 +90,11 @@ impl Element {
             .position(|property| names.contains(&property.name.as_str()))
     }
 
-    /// What its records are called in messages.
-    pub(super) fn plural(&self) -> String {
+    /// How many records there are to be, for messages.
+    pub(super) fn counted(&self) -> String {
         match self.name.as_str() {
-            "vertex" => "vertices".to_owned(),
-            "face" => "faces".to_owned(),
-            other => format!("`{other}` records"),
+            known @ ("vertex" | "face") => counted(self.count, known),
+            other => counted(self.count, &format!("`{other}` record")),
         }
     }
 }

@@ -140,7 +140,8 @@ pub(super) fn check_promises(header: &Header<'_>) -> Result<(), ReadError> {
 }
 
 fn broken_promise(header: &Header<'_>, element: &Element, needed: u64, room: u64) -> ReadError {
-    let (count, plural) = (element.count, element.plural());
+    let promised = element.counted();
+    let verb = if element.count == 1 { "needs" } else { "need" };
     let body = header.body.len() as u64;
     let left = room.min(body);
     let rest = if left == body {
@@ -151,13 +152,13 @@ fn broken_promise(header: &Header<'_>, element: &Element, needed: u64, room: u64
     let fixed_size = fixed_record_size(element).filter(|_| header.encoding != Encoding::Ascii);
     let message = match fixed_size.map(|size| left.checked_div(size as u64)) {
         Some(Some(record)) => format!(
-            "the header promises {count} {plural}, which need {needed} bytes; {rest}, so it ends \
+            "the header promises {promised}, which {verb} {needed} bytes; {rest}, so it ends \
              inside {} {record}",
             element.name
         ),
-        _ => format!(
-            "the header promises {count} {plural}, which need at least {needed} bytes; {rest}"
-        ),
+        _ => {
+            format!("the header promises {promised}, which {verb} at least {needed} bytes; {rest}")
+        }
     };
     malformed(message)
 }

@@ -97,9 +97,33 @@ impl<'a> Sinks<'a> {
         }
     }
 
+    /// Takes a record; `line` is known in ASCII files.
+    #[inline]
+    pub(super) fn push(
+        &mut self,
+        role: Role,
+        record: &Record,
+        line: Option<usize>,
+    ) -> Result<(), ReadError> {
+        match role {
+            Role::Vertex => self.vertices.push(|index| record.scalars[index], line),
+            Role::Face => self.faces.push(&record.corners, line),
+            Role::Other => Ok(()),
+        }
+    }
+
     fn into_mesh(self) -> Mesh {
         self.vertices.into_mesh(self.faces.into_triangles())
     }
+}
+
+/// The numbers of one record, whatever encoding they come from.
+#[derive(Default)]
+pub(super) struct Record {
+    /// One for each property, 0 for lists.
+    pub(super) scalars: Vec<f64>,
+    /// The list of corners, if it has one.
+    pub(super) corners: Vec<f64>,
 }
 
 /// What an element is to the mesh.

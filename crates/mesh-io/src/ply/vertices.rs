@@ -49,14 +49,7 @@ impl Vertices {
         }
         if let Some(slots) = self.slots.coordinate {
             let coordinate = slots.map(|slot| value(slot) as f32);
-            if coordinate.iter().any(|number| !number.is_finite()) {
-                let index = self.coordinates.len();
-                return Err(ReadError::NotFinite {
-                    what: "texture coordinate",
-                    index,
-                    line,
-                });
-            }
+            check::texture_coordinate(coordinate, self.coordinates.len(), line)?;
             self.coordinates.push(coordinate);
         }
         Ok(())

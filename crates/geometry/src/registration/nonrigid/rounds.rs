@@ -109,7 +109,10 @@ impl<'a> Rounds<'a> {
     ) -> Result<f64, RegistrationError> {
         let matched = targets.iter().flatten().count();
         if matched < MIN_CORRESPONDENCES {
-            return Err(RegistrationError::TooFewCorrespondences { found: matched });
+            return Err(RegistrationError::TooFewCorrespondences {
+                found: matched,
+                needed: MIN_CORRESPONDENCES,
+            });
         }
         let before = &self.state.transforms;
         let surrogate = self

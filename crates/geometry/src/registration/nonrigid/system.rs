@@ -9,9 +9,11 @@
 
 use faer::Mat;
 use faer::Side;
+use faer::linalg::cholesky::llt::factor::LltError as PivotError;
 use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
 use nalgebra::{Matrix4, Matrix4x3};
 
 use crate::registration::RegistrationError;
@@ -60,7 +62,7 @@ impl System {
         let symbolic_matrix =
             SymbolicSparseColMat::new_checked(size, size, column_starts.clone(), None, row_indices);
         let symbolic_factor = SymbolicLlt::try_new(symbolic_matrix.as_ref(), Side::Lower)
-            .map_err(|error| factorisation_error(size, &error))?;
+            .map_err(|error| factorisation_error(size, error.into()))?;
         Ok(Self {
             symbolic_matrix,
             symbolic_factor,
@@ -85,16 +87,20 @@ impl System {
         normal.add_rotation_and_damping(problem.weights.rotation);
         let matrix = SparseColMatRef::new(self.symbolic_matrix.as_ref(), &normal.values);
         let factor = Llt::try_new_with_symbolic(self.symbolic_factor.clone(), matrix, Side::Lower)
-            .map_err(|error| factorisation_error(size, &error))?;
+            .map_err(|error| factorisation_error(size, error))?;
         Ok(Factorised { factor })
     }
 }
 
-fn factorisation_error(unknowns: usize, error: &dyn std::fmt::Debug) -> RegistrationError {
-    RegistrationError::Factorisation {
-        unknowns,
-        reason: format!("{error:?}"),
-    }
+fn factorisation_error(unknowns: usize, error: LltError) -> RegistrationError {
+    let reason = match error {
+        LltError::Numeric(PivotError::NonPositivePivot { index }) => {
+            format!("pivot {index} is not positive")
+        }
+        LltError::Generic(FaerError::OutOfMemory) => "there is too little memory".to_owned(),
+        LltError::Generic(_) => "its indices are too large".to_owned(),
+    };
+    RegistrationError::Factorisation { unknowns, reason }
 }
 
 impl Factorised {

@@ -34,6 +34,7 @@ pub fn fit_rigid(source: &[Point], target: &[Point]) -> Result<Isometry3<f64>, R
     if source_count < MIN_CORRESPONDENCES {
         return Err(RegistrationError::TooFewCorrespondences {
             found: source_count,
+            needed: MIN_CORRESPONDENCES,
         });
     }
     let (source_mean, target_mean) = (centroid(source), centroid(target));
@@ -95,6 +96,10 @@ mod tests {
     fn two_pairs_are_too_few() {
         let two = &tetrahedron()[..2];
         let error = fit_rigid(two, two).unwrap_err();
-        assert_eq!(error, RegistrationError::TooFewCorrespondences { found: 2 });
+        let expected = RegistrationError::TooFewCorrespondences {
+            found: 2,
+            needed: 3,
+        };
+        assert_eq!(error, expected);
     }
 }

@@ -36,6 +36,7 @@ pub fn fit_point_to_plane(
     if planes.len() < MIN_PLANES {
         return Err(RegistrationError::TooFewCorrespondences {
             found: planes.len(),
+            needed: MIN_PLANES,
         });
     }
     // Rotating about the centroid and measuring in units of the spread keeps rotation and
@@ -104,6 +105,16 @@ mod tests {
         for (p, (q, n)) in moved.iter().zip(&samples) {
             assert!(n.dot(&(p - q)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn five_planes_are_too_few_and_the_error_says_how_many_are_needed() {
+        let plane = (Point::origin(), Point::origin(), Vector::x());
+        let error = fit_point_to_plane(&[plane; 5]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "too few correspondences: 5, where at least 6 are needed"
+        );
     }
 
     #[test]

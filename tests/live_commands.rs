@@ -1,0 +1,205 @@
+//! The commands that talk to a server, with one of their own.
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::thread;
+
+/// A running `steadymesh serve`, which ends with the test.
+struct Server {
+    process: Child,
+    /// Kept open, so that the server can go on writing to it.
+    _log: BufReader<ChildStderr>,
+    /// `host:port`.
+    address: String,
+}
+
+impl Server {
+    fn start() -> Self {
+        let mut process = steadymesh("serve --listen 127.0.0.1:0 --internal-listen 127.0.0.1:0")
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut log = BufReader::new(process.stderr.take().unwrap());
+        let mut line = String::new();
+        log.read_line(&mut line).unwrap();
+        let (_, after) = line.split_once("http://").unwrap();
+        let address = after.split(',').next().unwrap().to_owned();
+        Self {
+            process,
+            _log: log,
+            address,
+        }
+    }
+
+    fn url(&self, stream: &str) -> String {
+        format!("http://{}/v1/streams/{stream}", self.address)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.process.kill().ok();
+        self.process.wait().ok();
+    }
+}
+
+/// A command that ends with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
+
+fn steadymesh(arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_steadymesh"));
+    command.args(arguments.split_whitespace());
+    command
+}
+
+fn run(arguments: &str) -> Output {
+    steadymesh(arguments).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A tetrahedron as a frame file, in a folder that the build owns.
+fn frame(test: &str) -> String {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("{test}.obj"));
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn subscribe_ends_quietly_when_its_reader_has_read_enough() {
+    let (server, file) = (Server::start(), frame("pipe"));
+    let url = server.url("pipe");
+    assert!(run(&format!("publish {url} {file}")).status.success());
+    let endless = steadymesh(&format!("publish {url} {file} --loop --fps 50"))
+        .stderr(Stdio::null())
+        .spawn();
+    let _publisher = Running(endless.unwrap());
+    let mut subscriber = steadymesh(&format!("subscribe {url}"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    // As `head -1`: reads a line and closes the pipe.
+    BufReader::new(subscriber.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    assert!(line.starts_with("{\"seq\":"), "{line}");
+    let ended = subscriber.wait_with_output().unwrap();
+    assert_eq!((ended.status.code(), said(&ended).as_str()), (Some(0), ""));
+}
+
+#[test]
+fn a_second_publisher_is_refused_at_once_unless_it_takes_over() {
+    let (server, file) = (Server::start(), frame("takeover"));
+    let publish = format!("publish {} {file}", server.url("takeover"));
+    let mut first = steadymesh(&format!("{publish} --transport ws --loop"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let subscribe = format!("subscribe {} --frames 1", server.url("takeover"));
+    // The stream begins with the first publisher.
+    while !run(&subscribe).status.success() {}
+    for transport in ["ws", "http"] {
+        let refused = run(&format!("{publish} --transport {transport}"));
+        assert_eq!(refused.status.code(), Some(1));
+        let reason = said(&refused);
+        assert!(
+            reason.contains("another publisher is connected"),
+            "{reason}"
+        );
+        assert!(reason.contains("--takeover"), "{reason}");
+    }
+    assert!(first.try_wait().unwrap().is_none());
+    let second = run(&format!("{publish} --transport ws --takeover"));
+    assert!(second.status.success(), "{}", said(&second));
+    let first = first.wait_with_output().unwrap();
+    assert_eq!(first.status.code(), Some(1));
+    assert!(said(&first).contains("another publisher has taken over"));
+    let by_post = run(&format!("{publish} --transport http --takeover"));
+    assert!(by_post.status.success(), "{}", said(&by_post));
+}
+
+/// Passes connections on to `server`, and cuts the first one once it has carried `bytes` to it.
+fn breaking_proxy(server: &str, bytes: usize) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let server = server.to_owned();
+    thread::spawn(move || {
+        for (index, client) in listener.incoming().enumerate() {
+            let (mut client, mut upstream) =
+                (client.unwrap(), TcpStream::connect(&server).unwrap());
+            let mut answers = (upstream.try_clone().unwrap(), client.try_clone().unwrap());
+            thread::spawn(move || std::io::copy(&mut answers.0, &mut answers.1).ok());
+            let most = if index == 0 { bytes } else { usize::MAX };
+            let mut carried = 0;
+            let mut buffer = [0; 256];
+            while carried < most {
+                match client.read(&mut buffer) {
+                    Ok(count @ 1..) if upstream.write_all(&buffer[..count]).is_ok() => {
+                        carried += count;
+                    }
+                    _ => break,
+                }
+            }
+            client.shutdown(Shutdown::Both).ok();
+            upstream.shutdown(Shutdown::Both).ok();
+        }
+    });
+    address
+}
+
+#[test]
+fn a_publisher_whose_connection_breaks_comes_back_and_loses_nothing() {
+    let (server, file) = (Server::start(), frame("breaking"));
+    let proxy = breaking_proxy(&server.address, 2000);
+    let files = [file.as_str()].repeat(40).join(" ");
+    let url = format!("http://{proxy}/v1/streams/breaking");
+    let done = run(&format!("publish {url} {files} --transport ws --fps 200"));
+    assert!(done.status.success(), "{}", said(&done));
+    assert!(said(&done).contains("40 frames sent"), "{}", said(&done));
+}
+
+#[test]
+fn publish_says_that_it_computes_synthetic_frames_before_it_sends_them() {
+    let server = Server::start();
+    let url = server.url("synthetic");
+    // A quarter of a frame a second in a loop of four seconds is one frame.
+    let done = run(&format!(
+        "publish {url} --synthetic --vertices 1000 --fps 0.25"
+    ));
+    assert!(done.status.success(), "{}", said(&done));
+    let first = said(&done).lines().next().unwrap_or_default().to_owned();
+    assert_eq!(
+        first,
+        "computing 1 synthetic frame of about 1000 vertices, then sending begins"
+    );
+}
+
+#[test]
+fn publish_finds_out_that_there_is_no_server_before_it_computes() {
+    let nobody = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = nobody.local_addr().unwrap();
+    drop(nobody);
+    let failed = run(&format!("publish http://{address}/demo --synthetic"));
+    assert_eq!(failed.status.code(), Some(1));
+    let reason = said(&failed);
+    assert!(!reason.contains("computing"), "{reason}");
+    assert!(
+        reason.starts_with(&format!("error: http://{address} cannot be reached: ")),
+        "{reason}"
+    );
+}
