@@ -4,6 +4,7 @@ pub mod cli;
 pub mod compute;
 pub mod config;
 pub mod evaluation;
+pub mod otlp;
 pub mod pipeline;
 pub mod server;
 pub mod stopwatch;

@@ -14,6 +14,7 @@ const MAY_USE: [(&str, &[&str]); 7] = [
             "compute",
             "config",
             "evaluation",
+            "otlp",
             "pipeline",
             "server",
             "stopwatch",
@@ -29,7 +30,7 @@ const MAY_USE: [(&str, &[&str]); 7] = [
         &["compute", "pipeline", "stopwatch", "telemetry"],
     ),
     ("evaluation", &["pipeline"]),
-    ("stopwatch", &["pipeline"]),
+    ("stopwatch", &["pipeline", "telemetry"]),
     ("main", &["cli"]),
 ];
 

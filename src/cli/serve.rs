@@ -11,6 +11,7 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::compute::ComputePool;
 use crate::config::Config;
+use crate::otlp::Traces;
 use crate::server::Server;
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
@@ -34,11 +35,16 @@ pub(super) struct Arguments {
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let config = load(arguments)?;
-    log::set_up(&config.log)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
-    runtime.block_on(serve(arguments, &config))
+    let traces = Traces::from_environment(runtime.handle())?;
+    log::set_up(&config.log, traces.as_ref().map(Traces::tracer))?;
+    let outcome = runtime.block_on(serve(arguments, &config));
+    if let Some(traces) = traces {
+        traces.shut_down();
+    }
+    outcome
 }
 
 /// The file, then the environment, then the options.

@@ -329,6 +329,8 @@ impl Stream {
         self.history().push(seq, Outcome::Lost(loss));
         self.counters.dropped.fetch_add(1, Relaxed);
         self.metrics.lost(loss.as_str(), after);
+        // The frame's own, if traces are collected.
+        tracing::Span::current().record("lost", loss.as_str());
         self.advance();
     }
 
