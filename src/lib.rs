@@ -11,3 +11,4 @@ pub mod stopwatch;
 pub mod streams;
 pub mod telemetry;
 pub mod tls;
+pub mod webhooks;

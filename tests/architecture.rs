@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Which modules of the server may use which others. What is not here may use none.
-const MAY_USE: [(&str, &[&str]); 7] = [
+const MAY_USE: [(&str, &[&str]); 8] = [
     (
         "cli",
         &[
@@ -21,14 +21,19 @@ const MAY_USE: [(&str, &[&str]); 7] = [
             "streams",
             "telemetry",
             "tls",
+            "webhooks",
         ],
     ),
-    ("config", &["compute", "server", "streams", "telemetry"]),
+    (
+        "config",
+        &["compute", "server", "streams", "telemetry", "webhooks"],
+    ),
     ("server", &["compute", "streams", "telemetry"]),
     (
         "streams",
         &["compute", "pipeline", "stopwatch", "telemetry"],
     ),
+    ("webhooks", &["streams", "telemetry"]),
     ("evaluation", &["pipeline"]),
     ("stopwatch", &["pipeline", "telemetry"]),
     ("main", &["cli"]),

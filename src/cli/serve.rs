@@ -15,6 +15,7 @@ use crate::otlp::Traces;
 use crate::server::Server;
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
+use crate::webhooks::{Prepared, Webhooks};
 
 const UNUSABLE_DEFAULTS: &str = "streams.defaults or streams.rules in the configuration";
 
@@ -71,6 +72,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
         .context(UNUSABLE_DEFAULTS)?;
     let threads = pool.thread_count();
+    let webhooks = Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry))?;
     let server = Server::start(config.server(), registry.clone(), pool, telemetry).await?;
     let (player, internal) = (server.address(), server.internal_address());
     tracing::info!(
@@ -81,7 +83,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
         tokio::select! {
             _ = terminate.recv() => break "SIGTERM",
             _ = interrupt.recv() => break "SIGINT",
-            _ = hangup.recv() => match reload(arguments, &registry, &server).await {
+            _ = hangup.recv() => match reload(arguments, &registry, &server, &webhooks).await {
                 Ok(()) => tracing::info!("the configuration has been read again (SIGHUP)"),
                 Err(error) => tracing::error!(
                     "the configuration cannot be used, the old one stays: {error:#}"
@@ -95,8 +97,13 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
         tokio::time::sleep(Duration::from_secs(1)).await;
         super::interrupted().await
     };
+    let stop = async {
+        server.shut_down().await;
+        // After the streams have ended, which is told too.
+        webhooks.shut_down().await;
+    };
     tokio::select! {
-        () = server.shut_down() => tracing::info!("stopped"),
+        () = stop => tracing::info!("stopped"),
         _ = again => tracing::warn!("asked again: stopped at once"),
     }
     Ok(())
@@ -104,10 +111,17 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
 
 /// Takes what can be changed without dropping a connection: everything but addresses, threads
 /// and the log.
-async fn reload(arguments: &Arguments, registry: &Registry, server: &Server) -> anyhow::Result<()> {
+async fn reload(
+    arguments: &Arguments,
+    registry: &Registry,
+    server: &Server,
+    webhooks: &Webhooks,
+) -> anyhow::Result<()> {
     let config = load(arguments)?;
     config.streams().check().context(UNUSABLE_DEFAULTS)?;
+    let prepared = Prepared::new(&config.webhooks)?;
     server.reload(config.server()).await?;
     registry.reload(config.streams());
+    webhooks.reload(prepared).await;
     Ok(())
 }

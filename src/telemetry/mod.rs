@@ -6,6 +6,8 @@ pub mod log;
 mod registry;
 mod stream_metrics;
 pub mod traces;
+mod webhook_metrics;
 
 pub use registry::Telemetry;
 pub use stream_metrics::StreamMetrics;
+pub use webhook_metrics::EndpointMetrics;

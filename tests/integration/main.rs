@@ -18,3 +18,4 @@ mod security;
 mod subscribe;
 mod support;
 mod traces;
+mod webhooks;
