@@ -28,7 +28,7 @@ const MAY_USE: [(&str, &[&str]); 8] = [
         "config",
         &["compute", "server", "streams", "telemetry", "webhooks"],
     ),
-    ("server", &["compute", "streams", "telemetry"]),
+    ("server", &["compute", "stopwatch", "streams", "telemetry"]),
     (
         "streams",
         &["compute", "pipeline", "stopwatch", "telemetry"],

@@ -12,6 +12,7 @@ use axum::response::Response;
 use tracing::field::Empty;
 use tracing::{Instrument, Span};
 
+use crate::stopwatch::microseconds;
 use crate::telemetry::traces;
 
 pub(super) const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
@@ -82,7 +83,7 @@ fn trace_span(request: &Request) -> Span {
 
 fn write(response: &Response, started: Instant) {
     let status = response.status();
-    let (code, millis) = (status.as_u16(), started.elapsed().as_secs_f64() * 1000.0);
+    let (code, latency_us) = (status.as_u16(), microseconds(started.elapsed()));
     let report = response.extensions().get::<Report>();
     let kind = report.map_or("", |report| report.kind);
     match report {
@@ -90,13 +91,13 @@ fn write(response: &Response, started: Instant) {
             defect: Some(detail),
             ..
         }) => {
-            tracing::error!(status = code, millis, detail, "request failed");
+            tracing::error!(status = code, latency_us, detail, "request failed");
         }
         // What no problem document was made for is a defect as well, unless it is a refusal.
         None if status.is_server_error() && status != StatusCode::SERVICE_UNAVAILABLE => {
-            tracing::error!(status = code, millis, "request failed");
+            tracing::error!(status = code, latency_us, "request failed");
         }
-        _ => tracing::debug!(status = code, millis, kind, "request answered"),
+        _ => tracing::debug!(status = code, latency_us, kind, "request answered"),
     }
 }
 
