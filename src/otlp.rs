@@ -15,6 +15,7 @@ use opentelemetry_sdk::trace::{SdkTracer, SdkTracerProvider};
 use tokio::runtime::Handle;
 
 const NAME: &str = "steadymesh";
+const HTTP_PROTOBUF: &str = "http/protobuf";
 const SERVICE_NAME: Key = Key::from_static_str("service.name");
 /// How long the last spans may take to be delivered when the server stops.
 const FAREWELL: Duration = Duration::from_secs(3);
@@ -46,6 +47,16 @@ impl Traces {
     pub fn from_environment(runtime: &Handle) -> Result<Option<Self>, NotExported> {
         if !is_asked_for(|name| std::env::var(name).ok()) {
             return Ok(None);
+        }
+        let protocol = protocol(|name| std::env::var(name).ok());
+        if protocol
+            .as_ref()
+            .is_some_and(|protocol| protocol != HTTP_PROTOBUF)
+        {
+            return Err(NotExported(format!(
+                "the protocol is to be {}, but only {HTTP_PROTOBUF} is spoken here",
+                protocol.unwrap_or_default()
+            )));
         }
         let client = Collector {
             client: reqwest::Client::builder()
@@ -91,6 +102,18 @@ fn is_asked_for(variable: impl Fn(&str) -> Option<String>) -> bool {
     let has = |name| variable(name).is_some_and(|found| !found.trim().is_empty());
     let is_off = is("OTEL_SDK_DISABLED", "true") || is("OTEL_TRACES_EXPORTER", "none");
     !is_off && (has("OTEL_EXPORTER_OTLP_ENDPOINT") || has("OTEL_EXPORTER_OTLP_TRACES_ENDPOINT"))
+}
+
+/// The protocol that is asked for, if any is.
+fn protocol(variable: impl Fn(&str) -> Option<String>) -> Option<String> {
+    let names = [
+        "OTEL_EXPORTER_OTLP_TRACES_PROTOCOL",
+        "OTEL_EXPORTER_OTLP_PROTOCOL",
+    ];
+    let found = names.iter().find_map(|name| variable(name));
+    found
+        .map(|found| found.trim().to_owned())
+        .filter(|found| !found.is_empty())
 }
 
 /// The exporter does not tell a client that is not its own.

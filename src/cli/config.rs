@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::config::{Config, default_file};
+use crate::webhooks::Prepared;
 
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
@@ -23,6 +24,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let config = Config::load(Some(file))?;
         config.check()?;
         config.streams().check()?;
+        Prepared::new(&config.webhooks)?;
         super::say(&format!("{} can be used", file.display()));
         return Ok(());
     }

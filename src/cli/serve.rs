@@ -39,8 +39,15 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
-    let traces = Traces::from_environment(runtime.handle())?;
+    let (traces, complaint) = match Traces::from_environment(runtime.handle()) {
+        Ok(traces) => (traces, None),
+        Err(complaint) => (None, Some(complaint)),
+    };
     log::set_up(&config.log, traces.as_ref().map(Traces::tracer))?;
+    if let Some(complaint) = complaint {
+        // As OpenTelemetry wants it: whoever runs without traces runs.
+        tracing::warn!("{complaint}");
+    }
     let outcome = runtime.block_on(serve(arguments, &config));
     if let Some(traces) = traces {
         traces.shut_down();

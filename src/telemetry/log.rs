@@ -91,16 +91,16 @@ pub fn set_up(options: &Options, tracer: Option<SdkTracer>) -> Result<(), NotSet
     layers.extend(tracer.map(|tracer| traces::layer(tracer).boxed()));
     let outcome = tracing_subscriber::registry().with(layers).try_init();
     outcome.map_err(|_| NotSetUp::Twice)?;
-    std::panic::set_hook(Box::new(|panic| {
-        let payload = panic.payload();
+    std::panic::set_hook(Box::new(|info| {
+        let payload = info.payload();
         let text = payload.downcast_ref::<String>().map(String::as_str);
-        let message = text.or(payload.downcast_ref::<&str>().copied());
-        let location = panic.location().map(ToString::to_string);
+        let panic = text.or(payload.downcast_ref::<&str>().copied());
+        let location = info.location().map(ToString::to_string);
         // Taken only if RUST_BACKTRACE asks for it.
         let backtrace = Backtrace::capture();
         let is_there = backtrace.status() == BacktraceStatus::Captured;
         let backtrace = is_there.then(|| backtrace.to_string());
-        tracing::error!(location, message, backtrace, "a panic, which is a defect");
+        tracing::error!(location, panic, backtrace, "a panic, which is a defect");
     }));
     Ok(())
 }

@@ -140,3 +140,16 @@ async fn a_collector_that_never_answers_holds_up_neither_frames_nor_the_end() {
         before.elapsed()
     );
 }
+
+#[tokio::test]
+async fn a_protocol_that_is_not_spoken_is_a_warning() {
+    let environment = [
+        ("OTEL_EXPORTER_OTLP_ENDPOINT", "http://127.0.0.1:4317"),
+        ("OTEL_EXPORTER_OTLP_PROTOCOL", "grpc"),
+    ];
+    let process = Process::start("info", "", &environment);
+    post(&process, frames(1).remove(0)).await;
+    let log = process.stop();
+    let is_warning = |line: &String| line.contains("\"WARN\"") && line.contains("http/protobuf");
+    assert!(log.iter().any(is_warning), "{log:#?}");
+}
