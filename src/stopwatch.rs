@@ -5,6 +5,7 @@ use std::time::Instant;
 use steadymesh_proto::metrics::StageTimes;
 
 use crate::pipeline::{Stage, StageObserver};
+use crate::telemetry::traces;
 
 /// Notes how long each stage of a frame takes.
 #[derive(Debug)]
@@ -29,7 +30,7 @@ impl Stopwatch {
 
     /// The frame has been parsed.
     pub fn parsed(&mut self) {
-        self.times.parse = self.lap();
+        self.times.parse = self.lap("parse");
     }
 
     /// The times of the stages so far.
@@ -38,17 +39,25 @@ impl Stopwatch {
         self.times
     }
 
-    fn lap(&mut self) -> u64 {
+    fn lap(&mut self, stage: &'static str) -> u64 {
         let now = Instant::now();
         let elapsed = now.duration_since(self.last);
         self.last = now;
+        traces::stage(stage, elapsed);
         microseconds(elapsed)
     }
 }
 
 impl StageObserver for Stopwatch {
     fn ended(&mut self, stage: Stage) {
-        let elapsed = self.lap();
+        let name = match stage {
+            Stage::Repair => "repair",
+            Stage::Register => "register",
+            Stage::Simplify => "simplify",
+            Stage::Encode => "encode",
+            Stage::Measure => "measure",
+        };
+        let elapsed = self.lap(name);
         let slot = match stage {
             Stage::Repair => &mut self.times.repair,
             Stage::Register => &mut self.times.register,

@@ -7,29 +7,35 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Which modules of the server may use which others. What is not here may use none.
-const MAY_USE: [(&str, &[&str]); 7] = [
+const MAY_USE: [(&str, &[&str]); 8] = [
     (
         "cli",
         &[
             "compute",
             "config",
             "evaluation",
+            "otlp",
             "pipeline",
             "server",
             "stopwatch",
             "streams",
             "telemetry",
             "tls",
+            "webhooks",
         ],
     ),
-    ("config", &["compute", "server", "streams", "telemetry"]),
-    ("server", &["compute", "streams", "telemetry"]),
+    (
+        "config",
+        &["compute", "server", "streams", "telemetry", "webhooks"],
+    ),
+    ("server", &["compute", "stopwatch", "streams", "telemetry"]),
     (
         "streams",
         &["compute", "pipeline", "stopwatch", "telemetry"],
     ),
+    ("webhooks", &["streams", "telemetry"]),
     ("evaluation", &["pipeline"]),
-    ("stopwatch", &["pipeline"]),
+    ("stopwatch", &["pipeline", "telemetry"]),
     ("main", &["cli"]),
 ];
 

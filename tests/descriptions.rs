@@ -20,6 +20,8 @@ use steadymesh_proto::stream::{
     StreamState, StreamSummary,
 };
 
+use steadymesh::webhooks::{Crossing, Details, Ending, Figure, Kind, Limit, Notice, Silence};
+
 const METHODS: [&str; 8] = [
     "get", "put", "post", "delete", "patch", "head", "options", "trace",
 ];
@@ -361,6 +363,93 @@ fn answers_have_the_described_fields() {
         ..problem()
     };
     assert_fields("Problem", "required", &final_problem);
+}
+
+#[test]
+fn every_webhook_is_described_and_no_other() {
+    let description = openapi();
+    let mut told = BTreeSet::new();
+    for notice in notices() {
+        let notice = serde_json::to_value(notice).unwrap();
+        let kind = notice["type"].as_str().unwrap().to_owned();
+        let operation = &description["webhooks"][&kind]["post"];
+        let body = &operation["requestBody"]["content"]["application/json"]["schema"];
+        let schema = follow(&description, body);
+        assert!(
+            names(&schema["properties"]["type"]["enum"]).contains(&kind),
+            "{kind}"
+        );
+        let data = &schema["properties"]["data"];
+        assert_eq!(names(&notice["data"]), names(&data["properties"]), "{kind}");
+        assert_eq!(
+            names(&data["properties"]),
+            names(&data["required"]),
+            "{kind}"
+        );
+        told.insert(kind);
+    }
+    assert_same(&told, &names(&description["webhooks"]));
+    let figures = &description["components"]["schemas"]["FigureCrossed"]["properties"]["data"];
+    assert_same(
+        &names(&json!(serialized(figures_in_turn()))),
+        &names(&figures["properties"]["figure"]["enum"]),
+    );
+}
+
+fn notices() -> impl Iterator<Item = Notice> {
+    let kinds = successors(Some(Kind::Started), |kind| match kind {
+        Kind::Started => Some(Kind::Ended),
+        Kind::Ended => Some(Kind::Stalled),
+        Kind::Stalled => Some(Kind::Resumed),
+        Kind::Resumed => Some(Kind::Exceeded),
+        Kind::Exceeded => Some(Kind::Restored),
+        Kind::Restored => None,
+    });
+    kinds.map(|kind| Notice {
+        r#type: kind,
+        timestamp: std::time::SystemTime::UNIX_EPOCH,
+        data: details(kind),
+    })
+}
+
+fn details(kind: Kind) -> Details {
+    let (stream, seq) = ("demo".to_owned(), 41);
+    match kind {
+        Kind::Started => Details::Started { stream, seq },
+        Kind::Ended => Details::Ended(Ending {
+            stream,
+            reason: EndReason::Idle,
+            published: 42,
+            dropped: 0,
+            latest_seq: Some(seq),
+        }),
+        Kind::Stalled | Kind::Resumed => Details::Silence(Silence {
+            stream,
+            seq,
+            silent_secs: 5.0,
+        }),
+        Kind::Exceeded | Kind::Restored => Details::Crossing(Crossing {
+            stream,
+            seq,
+            figure: Figure::Flicker,
+            value: 0.02,
+            bound: Limit::Max(0.01),
+            frames: 15,
+        }),
+    }
+}
+
+fn figures_in_turn() -> impl Iterator<Item = Figure> {
+    successors(
+        Some(Figure::SurfaceDistancePrevious),
+        |figure| match figure {
+            Figure::SurfaceDistancePrevious => Some(Figure::SurfaceDistanceCurrent),
+            Figure::SurfaceDistanceCurrent => Some(Figure::RegistrationResidual),
+            Figure::RegistrationResidual => Some(Figure::VertexPersistence),
+            Figure::VertexPersistence => Some(Figure::Flicker),
+            Figure::Flicker => None,
+        },
+    )
 }
 
 /// The fields that `value` is written with are those that its schema lists under `list`:

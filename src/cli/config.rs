@@ -7,6 +7,7 @@ use clap::Args;
 
 use crate::config::{Config, default_file};
 use crate::server::Server;
+use crate::webhooks::Prepared;
 
 use super::serve::UNUSABLE_DEFAULTS;
 
@@ -30,6 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         config.log.filter()?;
         let runtime = tokio::runtime::Builder::new_current_thread().build()?;
         runtime.block_on(Server::check(&config.server()))?;
+        Prepared::new(&config.webhooks)?;
         super::say(&format!("{} can be used", file.display()));
         return Ok(());
     }

@@ -11,9 +11,11 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::compute::ComputePool;
 use crate::config::Config;
+use crate::otlp::Traces;
 use crate::server::Server;
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
+use crate::webhooks::{Prepared, Webhooks};
 
 pub(super) const UNUSABLE_DEFAULTS: &str = "streams.defaults or streams.rules in the configuration";
 
@@ -34,11 +36,23 @@ pub(super) struct Arguments {
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let config = load(arguments)?;
-    log::set_up(&config.log)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()?;
-    runtime.block_on(serve(arguments, &config))
+    let (traces, complaint) = match Traces::from_environment(runtime.handle()) {
+        Ok(traces) => (traces, None),
+        Err(complaint) => (None, Some(complaint)),
+    };
+    log::set_up(&config.log, traces.as_ref().map(Traces::tracer))?;
+    if let Some(complaint) = complaint {
+        // As OpenTelemetry wants it: whoever runs without traces runs.
+        tracing::warn!("{complaint}");
+    }
+    let outcome = runtime.block_on(serve(arguments, &config));
+    if let Some(traces) = traces {
+        traces.shut_down();
+    }
+    outcome
 }
 
 /// The file, then the environment, then the options.
@@ -65,6 +79,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
         .context(UNUSABLE_DEFAULTS)?;
     let threads = pool.thread_count();
+    let webhooks = Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry))?;
     let server = Server::start(config.server(), registry.clone(), pool, telemetry).await?;
     let (player, internal) = (server.address(), server.internal_address());
     tracing::info!(
@@ -75,7 +90,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
         tokio::select! {
             _ = terminate.recv() => break "SIGTERM",
             _ = interrupt.recv() => break "SIGINT",
-            _ = hangup.recv() => match reload(arguments, &registry, &server).await {
+            _ = hangup.recv() => match reload(arguments, &registry, &server, &webhooks).await {
                 Ok(new) => tell_reloaded(config, &new),
                 Err(error) => tracing::error!(
                     "the configuration cannot be used, the old one stays: {error:#}"
@@ -89,8 +104,13 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
         tokio::time::sleep(Duration::from_secs(1)).await;
         super::interrupted().await
     };
+    let stop = async {
+        server.shut_down().await;
+        // After the streams have ended, which is told too.
+        webhooks.shut_down().await;
+    };
     tokio::select! {
-        () = server.shut_down() => tracing::info!("stopped"),
+        () = stop => tracing::info!("stopped"),
         _ = again => tracing::warn!("asked again: stopped at once"),
     }
     Ok(())
@@ -116,10 +136,13 @@ async fn reload(
     arguments: &Arguments,
     registry: &Registry,
     server: &Server,
+    webhooks: &Webhooks,
 ) -> anyhow::Result<Config> {
     let config = load(arguments)?;
     config.streams().check().context(UNUSABLE_DEFAULTS)?;
+    let prepared = Prepared::new(&config.webhooks)?;
     server.reload(config.server()).await?;
     registry.reload(config.streams());
+    webhooks.reload(prepared).await;
     Ok(config)
 }

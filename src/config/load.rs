@@ -8,6 +8,7 @@ use figment::error::{Actual, Kind};
 use figment::providers::{Env, Format, Serialized, Toml};
 
 use super::Config;
+use crate::webhooks::UnusableOptions;
 
 /// The prefix of environment variables; `__` stands between levels.
 const PREFIX: &str = "STEADYMESH_";
@@ -49,6 +50,9 @@ pub enum ConfigError {
     /// The same port twice.
     #[error("listen and internal_listen are both {0}")]
     SameAddress(SocketAddr),
+    /// Webhooks could not be told as asked for.
+    #[error(transparent)]
+    Webhooks(#[from] UnusableOptions),
     /// A number that makes no sense.
     #[error("{name} is 0: it must be at least 1")]
     Zero {
@@ -114,6 +118,7 @@ impl Config {
         if self.listen == self.internal_listen && self.listen.port() != 0 {
             return Err(ConfigError::SameAddress(self.listen));
         }
+        self.webhooks.check()?;
         let at_least_one = [
             ("limits.body_bytes", self.limits.body_bytes),
             ("limits.memory_bytes", self.limits.memory_bytes),
@@ -211,7 +216,21 @@ fn explain(errors: figment::Error, file: &str) -> String {
             kind => format!("{place}{kind}"),
         }
     });
-    messages.collect::<Vec<_>>().join("; ")
+    without_secrets(messages.collect::<Vec<_>>().join("; "))
+}
+
+/// A file that is no TOML is quoted where it goes wrong, and that may be where a secret is.
+fn without_secrets(message: String) -> String {
+    const MARK: &str = "whsec_";
+    let Some((first, rest)) = message.split_once(MARK) else {
+        return message;
+    };
+    let mut clean = first.to_owned();
+    for part in rest.split(MARK) {
+        let is_secret = |c: char| c.is_ascii_alphanumeric() || "+/=-_".contains(c);
+        clean = clean + MARK + "…" + part.trim_start_matches(is_secret);
+    }
+    clean
 }
 
 /// A type in the words of people who write no Rust.
@@ -350,6 +369,19 @@ mod tests {
             ]
         );
         assert!(running.only_after_restart(&running).is_empty());
+    }
+
+    #[test]
+    fn a_secret_is_not_repeated_when_the_line_that_it_is_in_is_wrong() {
+        let secret = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw";
+        for text in [
+            format!("[[webhooks.endpoints]]\nname = 'ops' secret = '{secret}'"),
+            format!("[[webhooks.endpoints]]\nname = 'ops'\nurl = ''\nsecrets = '{secret}'"),
+            format!("[[webhooks.endpoints]]\nname = 'ops'\nurl = ''\nsecret = '{secret}A'"),
+        ] {
+            let error = from_toml(&text).unwrap_err();
+            assert!(!error.contains("MfKQ"), "{error}");
+        }
     }
 
     #[test]

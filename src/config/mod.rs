@@ -13,6 +13,7 @@ use steadymesh_proto::stream::StreamConfig;
 use crate::server::{TlsOptions, auth};
 use crate::streams::StreamRule;
 use crate::telemetry::log;
+use crate::webhooks;
 
 /// Everything that can be set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,6 +43,8 @@ pub struct Config {
     pub limits: RequestLimits,
     /// How streams are kept.
     pub streams: Streams,
+    /// Who is told what happens to them.
+    pub webhooks: webhooks::Options,
 }
 
 /// The threads that compute.
@@ -130,6 +133,7 @@ impl Default for Config {
             compute: Compute::default(),
             limits: RequestLimits::default(),
             streams: Streams::default(),
+            webhooks: webhooks::Options::default(),
         }
     }
 }

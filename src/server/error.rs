@@ -6,6 +6,7 @@ use axum::response::{IntoResponse, Response};
 use steadymesh_mesh_io::ReadError;
 use steadymesh_proto::stream;
 
+use super::request_log::Report;
 use crate::streams::{InvalidStreamName, NotConfigured, Refused};
 
 /// When a publisher whose stream is full may try again, in milliseconds: a frame or two later.
@@ -22,6 +23,7 @@ pub(super) struct Problem {
     title: &'static str,
     detail: String,
     retry_after_ms: Option<u64>,
+    is_logged: bool,
 }
 
 impl Problem {
@@ -37,7 +39,14 @@ impl Problem {
             title,
             detail: detail.into(),
             retry_after_ms: None,
+            is_logged: false,
         }
+    }
+
+    /// Whoever found the defect has written it into the log.
+    pub fn already_logged(mut self) -> Self {
+        self.is_logged = true;
+        self
     }
 
     fn retry_after(mut self, milliseconds: u64) -> Self {
@@ -245,7 +254,7 @@ impl From<Refused> for Problem {
                 "Numbers ascend",
                 format!("{detail}: go on from there, or delete the stream to begin anew"),
             ),
-            Refused::Panicked => Self::defect(detail),
+            Refused::Panicked => Self::defect(detail).already_logged(),
         }
     }
 }
@@ -253,7 +262,13 @@ impl From<Refused> for Problem {
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let (status, retry_after_ms) = (self.status, self.retry_after_ms);
+        let is_unheard_defect = status == StatusCode::INTERNAL_SERVER_ERROR && !self.is_logged;
+        let report = Report {
+            kind: self.kind,
+            defect: is_unheard_defect.then(|| self.detail.clone()),
+        };
         let mut response = (status, Json(self.into_document())).into_response();
+        response.extensions_mut().insert(report);
         let headers = response.headers_mut();
         let problem_json = HeaderValue::from_static("application/problem+json");
         headers.insert(header::CONTENT_TYPE, problem_json);

@@ -219,8 +219,8 @@ async fn answer(stream: &Stream, accepted: Accepted, wait: Wait) -> Response {
         ))
         .into_response(),
         Some(Outcome::Lost(Loss::Failed)) => {
-            Problem::defect(format!("frame {} could not be processed", accepted.seq))
-                .into_response()
+            let detail = format!("frame {} could not be processed", accepted.seq);
+            Problem::defect(detail).already_logged().into_response()
         }
         None => Problem::frame_lost(format!(
             "the stream ended before frame {} was out, or has forgotten it",

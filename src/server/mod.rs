@@ -18,6 +18,7 @@ mod origin;
 mod player;
 mod prefer;
 mod publish;
+mod request_log;
 mod router;
 mod socket;
 mod subscribe;

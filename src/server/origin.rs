@@ -13,6 +13,7 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::App;
 use super::error::Problem;
+use super::request_log::REQUEST_ID;
 
 /// Refuses requests of other origins.
 pub(super) async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
@@ -43,6 +44,9 @@ pub(super) fn cors(app: Arc<App>) -> CorsLayer {
             header::CONTENT_TYPE,
             header::IF_NONE_MATCH,
             HeaderName::from_static("prefer"),
+            HeaderName::from_static("traceparent"),
+            HeaderName::from_static("tracestate"),
+            REQUEST_ID,
         ])
         .expose_headers([
             header::CONTENT_LOCATION,
@@ -51,6 +55,7 @@ pub(super) fn cors(app: Arc<App>) -> CorsLayer {
             header::RETRY_AFTER,
             header::WWW_AUTHENTICATE,
             HeaderName::from_static("preference-applied"),
+            REQUEST_ID,
         ])
 }
 

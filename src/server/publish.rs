@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade, close_code};
@@ -16,6 +17,7 @@ use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{DropReason, FrameState, PublishReply, PublisherMessage};
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite;
+use tracing::Instrument;
 
 use crate::streams::{Loss, Outcome, Publication, Session, Stream, Submission, Ticket};
 
@@ -25,6 +27,7 @@ use super::auth::Scope;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
 use super::ingest::{Stamps, sniffed_format, with_native_stamps};
+use super::request_log::LogSpan;
 use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, NotSent, Outgoing,
     SILENCE,
@@ -60,6 +63,7 @@ pub(super) async fn publish(
     State(app): State<Arc<App>>,
     Asking { name, credential }: Asking,
     Strict(arrival): Strict<Arrival>,
+    Extension(LogSpan(span)): Extension<LogSpan>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Publish, &name)?;
@@ -78,7 +82,8 @@ pub(super) async fn publish(
         .max_frame_size(options.max_body_bytes)
         .on_upgrade(move |socket| async move {
             let send_timeout = options.send_timeout;
-            serve(socket, &stream, (publication, access), send_timeout).await;
+            let serving = serve(socket, &stream, (publication, access), send_timeout);
+            serving.instrument(span).await;
             drop(ongoing);
         }))
 }

@@ -1,7 +1,6 @@
 //! The public route table.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use axum::Router;
 use axum::extract::{DefaultBodyLimit, Request};
@@ -9,16 +8,12 @@ use axum::middleware;
 use axum::response::IntoResponse;
 use axum::routing::{get, post, put};
 use tower_http::catch_panic::CatchPanicLayer;
-use tower_http::trace::TraceLayer;
-use tracing::Span;
 
 use super::error::Problem;
 use super::{
-    App, access, control, description, frames, ingest, origin, player, publish, subscribe,
+    App, access, control, description, frames, ingest, origin, player, publish, request_log,
+    subscribe,
 };
-
-/// Requests are numbered, so that the lines of one can be found.
-static NEXT_REQUEST: AtomicU64 = AtomicU64::new(1);
 
 /// A configuration is a few hundred bytes.
 const MAX_DOCUMENT_BYTES: usize = 64 << 10;
@@ -54,18 +49,13 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
         .layer(CatchPanicLayer::custom(
             |_: Box<dyn std::any::Any + Send>| {
-                Problem::defect("the request could not be answered").into_response()
+                let problem = Problem::defect("the request could not be answered");
+                // By whoever hears of panics.
+                problem.already_logged().into_response()
             },
         ))
-        .layer(TraceLayer::new_for_http().make_span_with(request_span))
+        .layer(middleware::from_fn(request_log::log))
         .with_state(app)
-}
-
-/// The path without the query, which may hold a ticket.
-fn request_span<B>(request: &axum::http::Request<B>) -> Span {
-    let (method, path) = (request.method(), request.uri().path());
-    let id = NEXT_REQUEST.fetch_add(1, Ordering::Relaxed);
-    tracing::info_span!("request", id, %method, path)
 }
 
 async fn not_found(request: Request) -> Problem {

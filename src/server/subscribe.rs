@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::extract::State;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
@@ -13,6 +14,7 @@ use serde::Deserialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{ControlMessage, EndReason};
 use tokio::time::timeout;
+use tracing::Instrument;
 
 use crate::streams::{Delivery, Seat, Stream, Subscription};
 
@@ -21,6 +23,7 @@ use super::access::Access;
 use super::auth::Scope;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
+use super::request_log::LogSpan;
 use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, NotSent,
     Outgoing, SILENCE, text_of,
@@ -78,6 +81,7 @@ pub(super) async fn subscribe(
     State(app): State<Arc<App>>,
     Asking { name, credential }: Asking,
     Strict(wishes): Strict<Wishes>,
+    Extension(LogSpan(span)): Extension<LogSpan>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Subscribe, &name)?;
@@ -101,7 +105,8 @@ pub(super) async fn subscribe(
         .on_upgrade(move |socket| async move {
             app.telemetry.connections.inc();
             let reader = Reader { seat, access, pace };
-            serve(socket, &reader, app.options().send_timeout).await;
+            let serving = serve(socket, &reader, app.options().send_timeout);
+            serving.instrument(span).await;
             app.telemetry.connections.dec();
             drop(ongoing);
         }))

@@ -7,8 +7,11 @@ use bytes::Bytes;
 use steadymesh_mesh_io::{Format, ReadError};
 use steadymesh_proto::stream::Accepted;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
+use tracing::Span;
+use tracing::field::Empty;
 
 use crate::pipeline::UnusableFrame;
+use crate::telemetry::traces;
 
 use super::Occupied;
 
@@ -65,6 +68,8 @@ pub(super) struct Incoming {
     pub submission: Submission,
     pub reply: oneshot::Sender<Result<Accepted, Refused>>,
     pub place: OwnedSemaphorePermit,
+    /// What the frame's way through the stream is part of.
+    pub span: Span,
 }
 
 /// Where frames are handed in. There are as many places as the channel holds, and each frame
@@ -127,6 +132,7 @@ impl Place {
             submission,
             reply,
             place: self.place,
+            span: frame_span(),
         };
         let sent = self.sender.try_send(incoming);
         sent.map(|()| Ticket(answer)).map_err(|_| Refused::Ended)
@@ -143,4 +149,13 @@ impl Ticket {
         // A task that ends drops what it has not answered.
         self.0.await.unwrap_or(Err(Refused::Ended))
     }
+}
+
+/// The frame's own span if traces are collected, else the one of the request that it came with.
+fn frame_span() -> Span {
+    let span = tracing::info_span!(target: traces::TARGET, "frame", stream = Empty, seq = Empty, lost = Empty);
+    if span.is_disabled() {
+        return Span::current();
+    }
+    span
 }

@@ -6,6 +6,7 @@
 //!
 //! Nothing here knows HTTP.
 
+mod events;
 mod history;
 mod intake;
 mod job;
@@ -20,6 +21,7 @@ mod stream;
 mod subscription;
 mod task;
 
+pub use events::{Figures, FrameEvent, Life, LifeEvent, Listener};
 pub use history::{Delivered, Loss, Outcome};
 pub use intake::{Place, Refused, Submission, Ticket};
 pub use name::{InvalidStreamName, StreamName};

@@ -13,6 +13,7 @@ use crate::compute::ComputePool;
 use crate::telemetry::Telemetry;
 
 use super::StreamName;
+use super::events::{Events, Listener};
 use super::intake::Intake;
 use super::settings::{Configured, InvalidConfig, StreamRule};
 use super::stream::{Parts, Request, Stream};
@@ -108,6 +109,7 @@ struct Shared {
     tasks: TaskTracker,
     pool: Arc<ComputePool>,
     telemetry: Arc<Telemetry>,
+    events: Events,
     options: ArcSwap<Options>,
 }
 
@@ -129,6 +131,7 @@ impl Registry {
                 tasks: TaskTracker::new(),
                 pool,
                 telemetry,
+                events: Events::default(),
                 options: ArcSwap::from_pointee(options),
             }),
         })
@@ -138,6 +141,12 @@ impl Registry {
     /// expected to have been checked.
     pub fn reload(&self, options: Options) {
         self.shared.options.store(Arc::new(options));
+    }
+
+    /// Listens to what happens to streams, from now on.
+    #[must_use]
+    pub fn listen(&self) -> Listener {
+        self.shared.events.listen()
     }
 
     /// The stream of this name.
@@ -267,6 +276,7 @@ impl Shared {
             subscriber_queue: options.subscriber_queue,
             linger: options.linger,
             metrics: self.telemetry.stream(name.as_str()),
+            events: self.events.clone(),
         };
         let stream = Arc::new(Stream::new(parts, intake));
         let task = Task {

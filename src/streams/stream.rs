@@ -12,6 +12,7 @@ use tokio_util::sync::CancellationToken;
 use crate::stopwatch::microseconds;
 use crate::telemetry::StreamMetrics;
 
+use super::events::{Events, Life};
 use super::history::{Delivered, History, Loss, Outcome};
 use super::intake::Intake;
 use super::publisher_slot::PublisherSlot;
@@ -70,6 +71,7 @@ pub struct Stream {
     pub(super) counters: Counters,
     metrics: StreamMetrics,
     subscriber_queue: usize,
+    events: Events,
 }
 
 /// What a stream starts with.
@@ -82,6 +84,8 @@ pub(super) struct Parts {
     /// How long a publisher that vanished is expected back.
     pub linger: Duration,
     pub metrics: StreamMetrics,
+    /// Where it says what happens to it.
+    pub events: Events,
 }
 
 impl Stream {
@@ -101,6 +105,7 @@ impl Stream {
             counters: Counters::default(),
             metrics: parts.metrics,
             subscriber_queue: parts.subscriber_queue,
+            events: parts.events,
         }
     }
 
@@ -315,7 +320,11 @@ impl Stream {
     /// Makes a frame known to readers and to whoever waits for it.
     pub(super) fn deliver(&self, metrics: FrameMetrics, draco: &[u8]) -> Arc<Delivered> {
         let frame = self.history().deliver(metrics, draco);
-        self.counters.published.fetch_add(1, Relaxed);
+        if self.counters.published.fetch_add(1, Relaxed) == 0 {
+            let seq = frame.metrics.seq;
+            self.events.life(&self.name, Life::Started { seq });
+        }
+        self.events.frame(&self.name, &frame.metrics);
         self.counters
             .bytes_out
             .fetch_add(draco.len() as u64, Relaxed);
@@ -329,12 +338,24 @@ impl Stream {
         self.history().push(seq, Outcome::Lost(loss));
         self.counters.dropped.fetch_add(1, Relaxed);
         self.metrics.lost(loss.as_str(), after);
+        // The frame's own, if traces are collected.
+        tracing::Span::current().record("lost", loss.as_str());
         self.advance();
     }
 
     pub(super) fn end(&self, reason: EndReason) {
         self.position
             .send_modify(|position| position.end = Some(reason));
+        let published = self.counters.published.load(Relaxed);
+        if 0 < published {
+            let life = Life::Ended {
+                reason,
+                published,
+                dropped: self.counters.dropped.load(Relaxed),
+                latest_seq: self.newest().map(|frame| frame.metrics.seq),
+            };
+            self.events.life(&self.name, life);
+        }
     }
 
     fn advance(&self) {

@@ -24,6 +24,7 @@ use steadymesh_mesh_io::Limits;
 use steadymesh_proto::metrics::{Quality, StageTimes};
 use steadymesh_proto::stream::{Accepted, EndReason, Overload};
 use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
+use tracing::{Instrument, Span};
 
 use crate::compute::{ComputePool, Length};
 use crate::pipeline::PreparedFrame;
@@ -68,6 +69,7 @@ struct Read {
     byte_count: usize,
     reply: oneshot::Sender<Result<Accepted, Refused>>,
     place: OwnedSemaphorePermit,
+    span: Span,
     prepared: Result<(PreparedFrame, StageTimes), Refused>,
 }
 
@@ -76,6 +78,7 @@ struct Waiting {
     stamps: Stamps,
     frame: Arc<PreparedFrame>,
     times: StageTimes,
+    span: Span,
     /// Given back when the frame is started on.
     _place: Option<OwnedSemaphorePermit>,
 }
@@ -85,6 +88,7 @@ struct Done {
     stamps: Stamps,
     reference_seq: Option<u64>,
     quality: Quality,
+    span: Span,
     outcome: Outcome,
 }
 
@@ -144,7 +148,8 @@ impl Task {
                     Request::Delete => return EndReason::Deleted,
                 },
                 Some(done) = state.processing.next(), if !state.processing.is_empty() => {
-                    self.finish(done, state);
+                    let span = done.span.clone();
+                    span.in_scope(|| self.finish(done, state));
                 }
                 Some(read) = state.reading.next(), if !state.reading.is_empty() => {
                     if self.admit(read, state) {
@@ -178,9 +183,12 @@ impl Task {
             submission,
             reply,
             place,
+            span,
         } = incoming;
+        span.record("stream", self.stream.name().as_str());
         let (seq, capture_time_us) = (submission.seq, submission.capture_time_us);
         let (arrived, byte_count) = (submission.arrived, submission.bytes.len());
+        let within = span.clone();
         let read = move |prepared| Read {
             seq,
             capture_time_us,
@@ -188,6 +196,7 @@ impl Task {
             byte_count,
             reply,
             place,
+            span,
             prepared,
         };
         if let Some(refused) = seq.and_then(|seq| goes_back(seq, latest_seq)) {
@@ -200,6 +209,7 @@ impl Task {
                 .await;
             read(prepared.unwrap_or(Err(Refused::Panicked)))
         }
+        .instrument(within)
         .boxed()
     }
 
@@ -233,6 +243,7 @@ impl Task {
                 .map_or(0, |latest| latest.saturating_add(1))
         });
         state.latest_seq = Some(seq);
+        read.span.record("seq", seq);
         let overload = self.stream.configured().overload;
         if overload == Overload::Live && self.queue_depth <= state.waiting.len() {
             self.drop_oldest(state);
@@ -247,6 +258,7 @@ impl Task {
             stamps,
             frame,
             times,
+            span: read.span,
             _place: (overload == Overload::Lossless).then_some(read.place),
         });
         self.stream
@@ -270,6 +282,7 @@ impl Task {
                 stamps: oldest.stamps,
                 reference_seq: None,
                 quality: Quality::default(),
+                span: oldest.span,
                 outcome: Err(Lost::Overload),
             };
             state.processing.push_back(ready(done).boxed());
@@ -294,6 +307,7 @@ impl Task {
                 stamps,
                 frame,
                 times,
+                span,
                 ..
             }) = state.waiting.pop_front()
             else {
@@ -314,7 +328,7 @@ impl Task {
                 times,
             };
             state.processing.push_back(Box::pin(async move {
-                let outcome = job.run().await;
+                let outcome = job.run().instrument(span.clone()).await;
                 if let Ok((processed, _)) = &outcome {
                     // Whoever comes next may do without.
                     sender.send(processed.mesh.clone()).ok();
@@ -323,6 +337,7 @@ impl Task {
                     stamps,
                     reference_seq: previous_seq,
                     quality,
+                    span,
                     outcome,
                 }
             }));
@@ -336,6 +351,7 @@ impl Task {
             reference_seq,
             quality,
             outcome,
+            ..
         } = done;
         let stream = &self.stream;
         let queued = stream.counters.queued.fetch_sub(1, Relaxed) - 1;

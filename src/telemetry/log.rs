@@ -1,9 +1,16 @@
 //! The log, on standard error.
 
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::IsTerminal;
 
+use opentelemetry_sdk::trace::SdkTracer;
 use serde::{Deserialize, Serialize};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::{FilterExt, LevelFilter, filter_fn};
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer};
+
+use super::traces;
 
 /// How the log is written.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -66,19 +73,43 @@ pub enum NotSetUp {
     Twice,
 }
 
-/// Sets up the log of this process.
+/// Sets up the log of this process, panics included, and hands spans to `tracer` if there is
+/// one.
 ///
 /// # Errors
 ///
 /// [`NotSetUp`].
-pub fn set_up(options: &Options) -> Result<(), NotSetUp> {
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(options.filter()?)
+pub fn set_up(options: &Options, tracer: Option<SdkTracer>) -> Result<(), NotSetUp> {
+    let is_for_log = filter_fn(|metadata| !traces::is_trace(metadata));
+    // Without this hint every event in the process would be looked at.
+    let is_for_log = is_for_log.with_max_level_hint(LevelFilter::TRACE);
+    let filter = options.filter()?.and(is_for_log);
+    let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
         .with_writer(std::io::stderr);
-    let outcome = match options.format {
-        Format::Text => subscriber.try_init(),
-        Format::Json => subscriber.json().flatten_event(true).try_init(),
+    let lines = match options.format {
+        Format::Text => lines.boxed(),
+        // The spans' list has the current one too.
+        Format::Json => lines
+            .json()
+            .flatten_event(true)
+            .with_current_span(false)
+            .boxed(),
     };
-    outcome.map_err(|_| NotSetUp::Twice)
+    let mut layers = vec![lines.with_filter(filter).boxed()];
+    layers.extend(tracer.map(|tracer| traces::layer(tracer).boxed()));
+    let outcome = tracing_subscriber::registry().with(layers).try_init();
+    outcome.map_err(|_| NotSetUp::Twice)?;
+    std::panic::set_hook(Box::new(|info| {
+        let payload = info.payload();
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let panic = text.or(payload.downcast_ref::<&str>().copied());
+        let location = info.location().map(ToString::to_string);
+        // Taken only if RUST_BACKTRACE asks for it.
+        let backtrace = Backtrace::capture();
+        let is_there = backtrace.status() == BacktraceStatus::Captured;
+        let backtrace = is_there.then(|| backtrace.to_string());
+        tracing::error!(location, panic, backtrace, "a panic, which is a defect");
+    }));
+    Ok(())
 }

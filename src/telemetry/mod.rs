@@ -1,10 +1,13 @@
-//! What operators see: the log, and what Prometheus scrapes.
+//! What operators see: the log, traces, and what Prometheus scrapes.
 //!
 //! The consistency figures themselves are computed in `geometry`; here they are only shown.
 
 pub mod log;
 mod registry;
 mod stream_metrics;
+pub mod traces;
+mod webhook_metrics;
 
 pub use registry::Telemetry;
 pub use stream_metrics::StreamMetrics;
+pub use webhook_metrics::EndpointMetrics;

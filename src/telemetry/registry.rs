@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use prometheus::{Encoder, IntCounter, IntCounterVec, IntGauge, Opts, Registry, TextEncoder};
 
 use super::stream_metrics::{Families, Owners, StreamMetrics};
+use super::webhook_metrics::{self, EndpointMetrics};
 
 /// The metrics of one server. They belong to it: two servers in one process do not mix.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub struct Telemetry {
     pub refused_connections: IntCounter,
     denied: IntCounterVec,
     owners: Arc<Mutex<Owners>>,
+    webhooks: webhook_metrics::Families,
 }
 
 impl Telemetry {
@@ -63,6 +65,7 @@ impl Telemetry {
             prometheus::process_collector::ProcessCollector::for_self(),
         ))?;
         let families = Families::register(&registry)?;
+        let webhooks = webhook_metrics::Families::register(&registry)?;
         Ok(Self {
             registry,
             families,
@@ -71,6 +74,7 @@ impl Telemetry {
             refused_connections,
             denied,
             owners: Arc::default(),
+            webhooks,
         })
     }
 
@@ -78,6 +82,12 @@ impl Telemetry {
     #[must_use]
     pub fn stream(&self, name: &str) -> StreamMetrics {
         StreamMetrics::new(&self.families, &self.owners, name)
+    }
+
+    /// The series of a webhook's endpoint. They end with the value that is returned.
+    #[must_use]
+    pub fn endpoint(&self, name: &str) -> EndpointMetrics {
+        EndpointMetrics::new(&self.webhooks, name)
     }
 
     /// Counts a request that was refused for its credential; reasons are a few fixed words.

@@ -11,6 +11,7 @@ use steadymesh::config::Config;
 use steadymesh::server::Server;
 use steadymesh::streams::Registry;
 use steadymesh::telemetry::Telemetry;
+use steadymesh::webhooks::Webhooks;
 use steadymesh_proto::{DeliveredFrame, FrameMetrics, NATIVE_CONTENT_TYPE, NativeFrame};
 use steadymesh_synthetic_rig::{Options, Rig};
 use tokio::net::TcpStream;
@@ -21,6 +22,7 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
 pub struct TestServer {
     pub server: Server,
     pub client: Client,
+    pub webhooks: Webhooks,
 }
 
 pub async fn start() -> TestServer {
@@ -43,12 +45,15 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
     let telemetry = Arc::new(Telemetry::new().unwrap());
     let registry =
         Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry)).unwrap();
+    let webhooks =
+        Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry)).unwrap();
     let server = Server::start(config.server(), registry, pool, telemetry)
         .await
         .unwrap();
     TestServer {
         server,
         client: Client::new(),
+        webhooks,
     }
 }
 
