@@ -17,6 +17,7 @@ mod serve;
 mod simplify;
 mod stream_url;
 mod subscribe;
+mod takes;
 mod token;
 mod tracking_mode;
 mod websocket_publisher;
@@ -51,7 +52,7 @@ enum Command {
     Subscribe(subscribe::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
-    /// Compare tracking with the original QEM on a sequence of frame files.
+    /// Compare tracking with the original QEM on sequences of frames.
     Evaluate(evaluate::Arguments),
 }
 

@@ -71,7 +71,37 @@ pub(super) fn svg(chart: &Chart) -> Result<String, PlotFailed> {
         title: chart.title.clone(),
         reason: error.to_string(),
     })?;
-    Ok(text)
+    Ok(compact(&text))
+}
+
+/// The library writes every dash as an element of its own: those of one style become one path.
+fn compact(text: &str) -> String {
+    let mut short = String::with_capacity(text.len());
+    let mut open: Option<&str> = None;
+    for line in text.lines() {
+        let polyline = line
+            .strip_prefix("<polyline ")
+            .and_then(|rest| rest.split_once("points=\""))
+            .and_then(|(style, rest)| Some((style, rest.strip_suffix(" \"/>")?)));
+        if open.is_some() && open != polyline.map(|(style, _)| style) {
+            short.push_str("\"/>\n");
+            open = None;
+        }
+        let Some((style, points)) = polyline else {
+            short.push_str(line);
+            short.push('\n');
+            continue;
+        };
+        if open.is_none() {
+            short.push_str(&format!("<path {style}d=\""));
+            open = Some(style);
+        }
+        short.push('M');
+        short.push_str(points);
+    }
+    short
+        .replace(" opacity=\"1\"", "")
+        .replace(" stroke=\"none\"", "")
 }
 
 fn draw<'a>(chart: &Chart, text: &'a mut String) -> Drawn<'a> {
@@ -247,6 +277,21 @@ mod tests {
                 assert!(!text.contains("NaN"), "{points:?}");
             }
         }
+    }
+
+    #[test]
+    fn the_dashes_of_a_line_are_one_path_and_lines_of_another_style_are_not() {
+        let line = |color: &str, points: &str| {
+            format!(
+                "<polyline fill=\"none\" opacity=\"1\" stroke=\"{color}\" points=\"{points} \"/>\n"
+            )
+        };
+        let text = line("#a", "1,2 3,4") + &line("#a", "5,6 7,8") + &line("#b", "0,0 1,1");
+        assert_eq!(
+            compact(&(text + "</svg>\n")),
+            "<path fill=\"none\" stroke=\"#a\" d=\"M1,2 3,4M5,6 7,8\"/>\n\
+             <path fill=\"none\" stroke=\"#b\" d=\"M0,0 1,1\"/>\n</svg>\n"
+        );
     }
 
     #[test]

@@ -1,14 +1,18 @@
-//! The distances between one result and the two frames it stands between.
+//! Everything that is measured between one result and the two frames it stands between.
 
-use steadymesh_geometry::metrics::{surface_distances, vertex_distances};
+use steadymesh_geometry::metrics::{
+    OrientedPoints, PointErrors, point_errors, psnr, surface_distances, surface_samples,
+    vertex_distances,
+};
 use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
 use steadymesh_geometry::{Point, TriangleMesh};
 
-use super::results::{ByFrame, ByMeasure, Measure};
-use super::surface_samples::surface_samples;
+use super::results::{ByError, ByFrame, ByMeasure, Directions, Measure, Psnr};
 
-/// Samples of a result's surface.
+/// Samples of a result's surface that distances are measured from.
 const SAMPLE_COUNT: usize = 20_000;
+/// Samples of each surface as point clouds: as dense as captures are, and more.
+const CLOUD_SAMPLE_COUNT: usize = 100_000;
 
 /// A frame that results are measured against.
 pub(super) struct Reference<'a> {
@@ -28,13 +32,17 @@ impl<'a> Reference<'a> {
     }
 }
 
+/// The distances of one result, one by one.
+pub(super) type Distances = ByMeasure<ByFrame<Vec<f64>>>;
+
 /// All distances between `output` and the `references`; none if it has no faces.
 pub(super) fn measure(
     output: &TriangleMesh,
     references: &ByFrame<Reference<'_>>,
-) -> Option<ByMeasure<ByFrame<Vec<f64>>>> {
+) -> Option<Distances> {
     let surface = TriangleTree::new(output)?;
     let samples = surface_samples(output, SAMPLE_COUNT);
+    let samples: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
     let vertices = output.positions();
     Some(ByMeasure::from_fn(|measure| {
         references.map(|reference| match measure {
@@ -44,4 +52,52 @@ pub(super) fn measure(
             Measure::ToOutput => surface_distances(reference.vertices, &surface),
         })
     }))
+}
+
+/// The largest distance between the result and frame k, in either direction.
+pub(super) fn hausdorff(distances: &Distances) -> f64 {
+    [Measure::Surface, Measure::Sample, Measure::ToOutput]
+        .into_iter()
+        .flat_map(|measure| &distances.get(measure).current)
+        .copied()
+        .fold(0.0, f64::max)
+}
+
+/// A mesh as point clouds.
+pub(super) struct Clouds {
+    vertices: OrientedPoints,
+    samples: OrientedPoints,
+}
+
+impl Clouds {
+    /// Prepares `mesh`; none if it has no area.
+    pub fn new(mesh: &TriangleMesh) -> Option<Self> {
+        Some(Self {
+            vertices: OrientedPoints::vertices_of(mesh)?,
+            samples: OrientedPoints::samples_of(mesh, CLOUD_SAMPLE_COUNT)?,
+        })
+    }
+
+    /// The errors of `output`, which stands for this frame, in dB below `peak`.
+    pub fn psnr(&self, output: &Self, peak: f64) -> Psnr {
+        Psnr {
+            vertices: by_error(&self.vertices, &output.vertices, peak),
+            samples: by_error(&self.samples, &output.samples, peak),
+        }
+    }
+}
+
+fn by_error(original: &OrientedPoints, output: &OrientedPoints, peak: f64) -> ByError {
+    let (there, back) = (
+        point_errors(original, output),
+        point_errors(output, original),
+    );
+    let decibels = |of: fn(&PointErrors) -> f64| Directions {
+        worse: psnr(of(&there).max(of(&back)), peak),
+        better: psnr(of(&there).min(of(&back)), peak),
+    };
+    ByError {
+        d1: decibels(|errors| errors.d1),
+        d2: decibels(|errors| errors.d2),
+    }
 }

@@ -1,0 +1,230 @@
+//! The camera of the pictures, and what it sees.
+
+use steadymesh_geometry::{Point, TriangleMesh};
+
+/// How far the camera stands aside, in radians about the vertical: a three-quarter view.
+const TURN: f64 = 0.45;
+
+/// An orthographic camera on a window of the meshes.
+///
+/// As in glTF, +y is up and the front faces +z.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View {
+    /// The left and the upper edge of the window, in camera coordinates.
+    corner: [f64; 2],
+    /// Picture units in a unit of the mesh.
+    scale: f64,
+    /// The size of the window in picture units.
+    pub size: [i32; 2],
+}
+
+/// A mesh as a camera sees it.
+pub(super) struct Seen {
+    /// The vertices in whole picture units.
+    pub vertices: Vec<[i32; 2]>,
+    /// How much of each face is seen.
+    pub faces: Vec<Visibility>,
+    /// The faces from the farthest to the nearest.
+    pub order: Vec<usize>,
+}
+
+/// How much of a face is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Visibility {
+    /// Nothing: it faces away, or others cover it.
+    Hidden,
+    /// Something else covers a part of it.
+    Partly,
+    /// All.
+    Wholly,
+}
+
+/// Right, down and towards the camera, in the mesh's unit.
+fn to_camera(point: &Point) -> [f64; 3] {
+    let (sine, cosine) = TURN.sin_cos();
+    [
+        cosine * point.x - sine * point.z,
+        -point.y,
+        sine * point.x + cosine * point.z,
+    ]
+}
+
+impl View {
+    /// A window `height` picture units high that holds `meshes` from the top down to the share
+    /// `shown` of their height.
+    pub fn of(meshes: &[&TriangleMesh], shown: f64, height: i32) -> Self {
+        let points = || {
+            meshes
+                .iter()
+                .flat_map(|mesh| mesh.positions())
+                .map(to_camera)
+        };
+        let range = |values: &mut dyn Iterator<Item = f64>| {
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+                (low.min(value), high.max(value))
+            })
+        };
+        let (top, bottom) = range(&mut points().map(|[_, y, _]| y));
+        let cut = top + shown * (bottom - top);
+        let (left, right) = range(&mut points().filter(|p| p[1] <= cut).map(|[x, ..]| x));
+        // A margin on every side; a mesh without height would have no scale.
+        let margin = 0.03 * (bottom - top).max(f64::MIN_POSITIVE);
+        let scale = f64::from(height) / (cut - top + 2.0 * margin);
+        let width = (right - left + 2.0 * margin) * scale;
+        Self {
+            corner: [left - margin, top - margin],
+            scale,
+            size: [width.min(4.0 * f64::from(height)).ceil() as i32, height],
+        }
+    }
+
+    /// Looks at `mesh`. Faces outside the window are hidden.
+    pub fn look_at(&self, mesh: &TriangleMesh) -> Seen {
+        let projected: Vec<[f64; 3]> = mesh
+            .positions()
+            .iter()
+            .map(|point| {
+                let [x, y, z] = to_camera(point);
+                let [left, top] = self.corner;
+                [
+                    (x - left) * self.scale,
+                    (y - top) * self.scale,
+                    z * self.scale,
+                ]
+            })
+            .collect();
+        let faces: Vec<[[f64; 3]; 3]> = mesh
+            .faces()
+            .iter()
+            .map(|face| face.map(|corner| projected[corner as usize]))
+            .collect();
+        let depth = |face: usize| faces[face].iter().map(|corner| corner[2]).sum::<f64>();
+        let mut order: Vec<usize> = (0..faces.len()).collect();
+        order.sort_by(|&a, &b| depth(a).total_cmp(&depth(b)));
+        Seen {
+            vertices: projected
+                .iter()
+                .map(|[x, y, _]| [x.round() as i32, y.round() as i32])
+                .collect(),
+            faces: visibility(&faces, self.size),
+            order,
+        }
+    }
+}
+
+/// Finds what is seen of each face by a depth buffer with a pixel for each picture unit.
+fn visibility(faces: &[[[f64; 3]; 3]], [width, height]: [i32; 2]) -> Vec<Visibility> {
+    let mut buffer = vec![(f64::NEG_INFINITY, usize::MAX); (width * height) as usize];
+    let mut covered = vec![0_u32; faces.len()];
+    for (index, face) in faces.iter().enumerate() {
+        for_each_pixel(face, [width, height], |pixel, depth| {
+            covered[index] += 1;
+            if buffer[pixel].0 < depth {
+                buffer[pixel] = (depth, index);
+            }
+        });
+    }
+    let mut seen = vec![0_u32; faces.len()];
+    for (_, index) in buffer {
+        if let Some(count) = seen.get_mut(index) {
+            *count += 1;
+        }
+    }
+    let of = |(seen, covered)| match seen {
+        0 => Visibility::Hidden,
+        _ if seen == covered => Visibility::Wholly,
+        _ => Visibility::Partly,
+    };
+    seen.into_iter().zip(covered).map(of).collect()
+}
+
+/// Calls `visit` with the index and the depth of each pixel in the window whose center is inside
+/// `face`, unless that faces away.
+fn for_each_pixel(
+    face: &[[f64; 3]; 3],
+    [width, height]: [i32; 2],
+    mut visit: impl FnMut(usize, f64),
+) {
+    let [a, b, c] = *face;
+    let cross = |p: [f64; 2], q: [f64; 3], r: [f64; 3]| {
+        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+    };
+    // y points down, so that what is counterclockwise to the viewer has a negative area.
+    let area = cross([a[0], a[1]], b, c);
+    if 0.0 <= area {
+        return;
+    }
+    let span = |axis: usize, limit: i32| {
+        let low = a[axis].min(b[axis]).min(c[axis]).floor().max(0.0);
+        let high = a[axis]
+            .max(b[axis])
+            .max(c[axis])
+            .ceil()
+            .min(f64::from(limit));
+        low as usize..high.max(0.0) as usize
+    };
+    for y in span(1, height) {
+        for x in span(0, width) {
+            let center = [x as f64 + 0.5, y as f64 + 0.5];
+            let weights = [
+                cross(center, b, c),
+                cross(center, c, a),
+                cross(center, a, b),
+            ];
+            if weights.iter().all(|weight| *weight < 0.0) {
+                let depth = weights.iter().zip(face).map(|(w, corner)| w * corner[2]);
+                visit(y * width as usize + x, depth.sum::<f64>() / area);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square from (-1, -1) to (1, 1) that faces +z at height z, and one that faces away.
+    fn square(z: f64, size: f64) -> Vec<Point> {
+        let corners = [[-1., -1.], [1., -1.], [1., 1.], [-1., 1.]];
+        let to_point = |[x, y]: [f64; 2]| Point::new(x * size, y * size, z);
+        corners.map(to_point).to_vec()
+    }
+
+    #[test]
+    fn what_is_behind_is_hidden_and_what_sticks_out_is_seen_in_part() {
+        let mut positions = square(0.0, 1.0);
+        positions.extend(square(-0.01, 0.5));
+        positions.extend(square(-0.02, 2.0));
+        let faces =
+            [0, 4, 8].map(|first| [[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        let mut faces = faces.concat();
+        // Faces away.
+        faces.push([0, 2, 1]);
+        let mesh = TriangleMesh::new(positions, faces).unwrap();
+        let seen = View::of(&[&mesh], 1.0, 200).look_at(&mesh);
+        let (hidden, partly, wholly) = (Visibility::Hidden, Visibility::Partly, Visibility::Wholly);
+        assert_eq!(
+            seen.faces,
+            [wholly, wholly, hidden, hidden, partly, partly, hidden]
+        );
+        let first_of = |face| seen.order.iter().position(|f| *f == face).unwrap();
+        assert!(first_of(4) < first_of(2) && first_of(2) < first_of(0));
+    }
+
+    #[test]
+    fn a_window_begins_at_the_top_and_ends_where_it_is_cut() {
+        let mesh = TriangleMesh::new(square(0.0, 1.0), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        let view = View::of(&[&mesh], 0.5, 100);
+        let seen = view.look_at(&mesh);
+        assert_eq!(view.size[1], 100);
+        let [bottom, top] = [seen.vertices[0][1], seen.vertices[2][1]];
+        assert!((0..10).contains(&top) && 150 < bottom, "{top} {bottom}");
+    }
+
+    #[test]
+    fn a_mesh_without_extent_can_be_looked_at() {
+        let mesh = TriangleMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
+        let seen = View::of(&[&mesh], 1.0, 10).look_at(&mesh);
+        assert_eq!(seen.faces, [Visibility::Hidden]);
+    }
+}
