@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
+use indicatif::ProgressBar;
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::ply;
 
@@ -47,8 +48,9 @@ pub(super) struct Arguments {
     /// Write every figure to this file, as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a report (report.md), its plots and its pictures (SVG) to this folder; made if it
-    /// does not exist.
+    /// Write a report (report.md), its plots and its pictures (SVG) to this folder, which is made
+    /// if it does not exist. There are pictures at the first size, and of the first synthetic
+    /// sequence only.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Write the registered previous frame of every frame after the first to this folder, as PLY;
@@ -70,9 +72,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let plan = plan(arguments);
     let progress = progress_bar(takes.iter().map(Take::frame_count).sum());
     let mut sequences = Vec::with_capacity(takes.len());
-    for (take, folder) in takes.iter().zip(folders) {
-        let folder = folder.as_deref();
-        sequences.push(evaluate(take, folder, plan.clone(), || progress.inc(1))?);
+    let mut rig_is_pictured = false;
+    for (take, folder) in takes.iter().zip(&folders) {
+        // It looks the same at any speed.
+        let is_pictured = !(take.has_known_motion() && rig_is_pictured);
+        rig_is_pictured |= take.has_known_motion();
+        let pictured = match is_pictured {
+            true => pictured_frames(take.frame_count()),
+            false => 0..0,
+        };
+        let protocol = Protocol::new(plan.clone(), pictured);
+        sequences.push(evaluate(take, protocol, folder.as_deref(), &progress)?);
     }
     progress.finish();
 
@@ -135,12 +145,11 @@ fn plan(arguments: &Arguments) -> Plan {
 /// `registered_folder` if there is one.
 fn evaluate(
     take: &Take,
+    mut protocol: Protocol,
     registered_folder: Option<&Path>,
-    plan: Plan,
-    mut frame_done: impl FnMut(),
+    progress: &ProgressBar,
 ) -> anyhow::Result<Sequence> {
     let names = take.registered_names()?;
-    let mut protocol = Protocol::new(plan, pictured_frames(take.frame_count()));
     let mut previous: Option<TakenFrame> = None;
     for (seq, name) in (0..).zip(&names) {
         let current = take.frame(seq)?;
@@ -160,7 +169,7 @@ fn evaluate(
             }
         }
         previous = Some(current);
-        frame_done();
+        progress.inc(1);
     }
     let frames = (0..take.frame_count()).map(|seq| take.frame_name(seq));
     Ok(protocol.finish(take.name().to_owned(), frames.collect()))

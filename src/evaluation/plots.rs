@@ -5,7 +5,7 @@ use steadymesh_proto::metrics::{Consistency, Tracking};
 use super::chart::{Chart, Line, PlotFailed, Scale, svg};
 use super::pictures;
 use super::results::{
-    ByFrame, Evaluation, Measure, Run, Sequence, Target, TargetEvaluation, percent,
+    ByFrame, Evaluation, Measure, Output, Run, Sequence, Target, TargetEvaluation, percent,
 };
 use super::tables::name;
 
@@ -209,16 +209,19 @@ fn distribution(target: &TargetEvaluation, measure: Measure, title: String) -> C
     }
 }
 
+/// A share of what comes back.
+type Share = fn(&Consistency) -> f64;
+
 /// Vertices solid, edges dashed.
 fn persistence(target: &TargetEvaluation, title: String) -> Chart {
     let mut lines = Vec::new();
-    let shares: [(&str, fn(&Consistency) -> f64); 2] = [
+    let shares: [(&str, Share); 2] = [
         ("vertices", |c| c.vertex_persistence),
         ("edges", |c| c.edge_persistence),
     ];
     for run in &target.runs {
         for (index, (what, share)) in shares.into_iter().enumerate() {
-            let point = |output: &super::results::Output| {
+            let point = |output: &Output| {
                 let consistency = output.consistency.as_ref()?;
                 Some((output.seq as f64, 100.0 * share(consistency)))
             };

@@ -1,7 +1,7 @@
 //! What people read: the tables on a terminal, and the report.
 
 use super::overview::{coding_errors, known_motion, mpeg_offset, overview};
-use super::plots::{DISTRIBUTIONS, Image, has_pictures, title};
+use super::plots::{DISTRIBUTIONS, Image, has_pictures};
 use super::published;
 use super::results::{Evaluation, Measure, Sequence, TargetEvaluation};
 use super::tables::{self, Medium};
@@ -172,11 +172,6 @@ fn push_target(text: &mut String, sequence: &Sequence, target: &TargetEvaluation
         if DISTRIBUTIONS.contains(&measure) {
             push(text, &image(Image::Distribution(measure)));
         }
-        push_folded(
-            text,
-            &format!("{}: means in percent of the diagonal", title(measure)),
-            &tables::pairs(sequence, target, measure, Medium::Markdown),
-        );
     }
 }
 

@@ -134,36 +134,6 @@ pub(super) fn registrations(sequence: &Sequence, medium: Medium) -> String {
     table.trim_fmt()
 }
 
-/// The mean distances of each pair, in percent of the diagonal.
-pub(super) fn pairs(
-    sequence: &Sequence,
-    target: &TargetEvaluation,
-    measure: Measure,
-    medium: Medium,
-) -> String {
-    let mut header = vec!["frame k".to_owned()];
-    for mesh in ["(k-1)-th", "k-th"] {
-        let runs = target.runs.iter();
-        header.extend(runs.map(|run| format!("{mesh}, {}", name(run.tracking))));
-    }
-    let mut table = table(&header, 1, medium);
-    for (index, pair) in sequence.pairs.iter().enumerate() {
-        let mut row = vec![pair.seq.to_string()];
-        for is_previous in [true, false] {
-            for run in &target.runs {
-                let distances = run.outputs[index].distances.as_ref();
-                let statistics = distances.and_then(|d| side(d.get(measure), is_previous));
-                row.push(statistics.map_or_else(
-                    || "-".to_owned(),
-                    |s| four_digits(100.0 * s.mean / pair.bbox_diagonal),
-                ));
-            }
-        }
-        table.add_row(row);
-    }
-    table.trim_fmt()
-}
-
 /// What there is to show of a run in one table.
 struct Found<'a> {
     best_seq: Option<u64>,

@@ -24,7 +24,7 @@ const STYLE: &str = "\
 <style>text{font:28px sans-serif;fill:#222}.b{font-weight:bold}
 path{fill:none;stroke-linecap:round;stroke-linejoin:round}
 .n{stroke:#e69f00;stroke-width:2}.k{stroke:#0072b2;stroke-width:2}
-.w{stroke:#d55e00;stroke-width:10}.v{stroke:#00395c;stroke-width:12}</style>
+.w{stroke:#d55e00;stroke-width:8}.v{stroke:#00395c;stroke-width:10}</style>
 ";
 
 /// The sheet: a row for each mode, a column for each frame.

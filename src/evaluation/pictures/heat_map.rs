@@ -18,7 +18,9 @@ const SCALE_WIDTH: i32 = 190;
 const BINS: usize = 12;
 /// The distance at the end of the scale is not exceeded by this share of the vertices: few
 /// outliers would leave one colour to all the others.
-const SHARE_IN_SCALE: f64 = 0.97;
+const SHARE_IN_SCALE: f64 = 0.985;
+/// Where a scale may end, times a power of ten: the quarters are round.
+const ENDS: [f64; 8] = [1.0, 1.2, 1.6, 2.0, 2.4, 4.0, 6.0, 8.0];
 /// What the scale leads through, each as far from the next one.
 const COLORS: [[f64; 3]; 4] = [
     [222.0, 235.0, 247.0],
@@ -89,8 +91,9 @@ fn end_of_scale(pictured: &[(&Snapshot, &str)]) -> f64 {
     if share <= 0.0 {
         return 1.0;
     }
-    let step = 10f64.powf(share.log10().floor()) / 2.0;
-    (share / step).ceil() * step
+    let power = 10f64.powf(share.log10().floor());
+    let end = ENDS.into_iter().find(|end| share <= end * power);
+    end.unwrap_or(10.0) * power
 }
 
 fn style() -> String {

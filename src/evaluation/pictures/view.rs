@@ -2,14 +2,14 @@
 
 use steadymesh_geometry::{Point, TriangleMesh};
 
-/// How far the camera stands aside, in radians about the vertical: a three-quarter view.
-const TURN: f64 = 0.45;
+/// How far the camera stands aside of the front, in radians: a three-quarter view.
+const ASIDE: f64 = 0.45;
 
-/// An orthographic camera on a window of the meshes.
-///
-/// As in glTF, +y is up and the front faces +z.
+/// An orthographic camera on a window of the meshes. As in glTF, +y is up.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct View {
+    /// The horizontal direction from the meshes to the camera, in x and z.
+    towards: [f64; 2],
     /// The left and the upper edge of the window, in camera coordinates.
     corner: [f64; 2],
     /// Picture units in a unit of the mesh.
@@ -40,38 +40,72 @@ pub(super) enum Visibility {
 }
 
 /// Right, down and towards the camera, in the mesh's unit.
-fn to_camera(point: &Point) -> [f64; 3] {
-    let (sine, cosine) = TURN.sin_cos();
+fn to_camera([x, z]: [f64; 2], point: &Point) -> [f64; 3] {
     [
-        cosine * point.x - sine * point.z,
+        z * point.x - x * point.z,
         -point.y,
-        sine * point.x + cosine * point.z,
+        x * point.x + z * point.z,
     ]
+}
+
+/// From a front that faces this way to a camera that stands aside of it.
+fn aside([x, z]: [f64; 2]) -> [f64; 2] {
+    let (sine, cosine) = ASIDE.sin_cos();
+    [cosine * x + sine * z, cosine * z - sine * x]
+}
+
+/// Where a figure faces: its feet stick out of its shins. Without feet it is +z, as in glTF.
+fn front(points: &[Point]) -> [f64; 2] {
+    /// Between which shares of the height there are soles and shins.
+    const FEET: [f64; 2] = [0.0, 0.03];
+    const SHINS: [f64; 2] = [0.06, 0.15];
+    /// How far feet stick out, in heights.
+    const LEAST: f64 = 0.01;
+    let (low, high) = range(points.iter().map(|p| p.y));
+    let height = high - low;
+    let mean = |[from, to]: [f64; 2]| {
+        let (mut sum, mut count) = ([0.0; 2], 0.0);
+        for p in points {
+            if (low + from * height..=low + to * height).contains(&p.y) {
+                sum = [sum[0] + p.x, sum[1] + p.z];
+                count += 1.0;
+            }
+        }
+        sum.map(|sum| sum / count)
+    };
+    let (feet, shins) = (mean(FEET), mean(SHINS));
+    let [x, z] = [feet[0] - shins[0], feet[1] - shins[1]];
+    let length = x.hypot(z);
+    // What is not a number is not far enough either.
+    if LEAST * height < length {
+        [x / length, z / length]
+    } else {
+        [0.0, 1.0]
+    }
+}
+
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(value), high.max(value))
+    })
 }
 
 impl View {
     /// A window `height` picture units high that holds `meshes` from the top down to the share
     /// `shown` of their height.
     pub fn of(meshes: &[&TriangleMesh], shown: f64, height: i32) -> Self {
-        let points = || {
-            meshes
-                .iter()
-                .flat_map(|mesh| mesh.positions())
-                .map(to_camera)
-        };
-        let range = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-                (low.min(value), high.max(value))
-            })
-        };
-        let (top, bottom) = range(&mut points().map(|[_, y, _]| y));
+        let towards = aside(front(meshes.first().map_or(&[], |mesh| mesh.positions())));
+        let all = || meshes.iter().flat_map(|mesh| mesh.positions());
+        let points = || all().map(|point| to_camera(towards, point));
+        let (top, bottom) = range(points().map(|[_, y, _]| y));
         let cut = top + shown * (bottom - top);
-        let (left, right) = range(&mut points().filter(|p| p[1] <= cut).map(|[x, ..]| x));
+        let (left, right) = range(points().filter(|p| p[1] <= cut).map(|[x, ..]| x));
         // A margin on every side; a mesh without height would have no scale.
-        let margin = 0.03 * (bottom - top).max(f64::MIN_POSITIVE);
+        let margin = 0.012 * (bottom - top).max(f64::MIN_POSITIVE);
         let scale = f64::from(height) / (cut - top + 2.0 * margin);
         let width = (right - left + 2.0 * margin) * scale;
         Self {
+            towards,
             corner: [left - margin, top - margin],
             scale,
             size: [width.min(4.0 * f64::from(height)).ceil() as i32, height],
@@ -84,7 +118,7 @@ impl View {
             .positions()
             .iter()
             .map(|point| {
-                let [x, y, z] = to_camera(point);
+                let [x, y, z] = to_camera(self.towards, point);
                 let [left, top] = self.corner;
                 [
                     (x - left) * self.scale,
@@ -219,6 +253,27 @@ mod tests {
         assert_eq!(view.size[1], 100);
         let [bottom, top] = [seen.vertices[0][1], seen.vertices[2][1]];
         assert!((0..10).contains(&top) && 150 < bottom, "{top} {bottom}");
+    }
+
+    #[test]
+    fn the_camera_stands_where_the_feet_point_to() {
+        for angle in [0.3_f64, 2.0, 4.5] {
+            let towards = [angle.sin(), angle.cos()];
+            let foot = |share: f64, out: f64| Point::new(out * towards[0], share, out * towards[1]);
+            let figure = [
+                foot(0.0, 0.0),
+                foot(0.0, 0.1),
+                foot(0.1, 0.0),
+                foot(1.0, 0.0),
+            ];
+            let found = front(&figure);
+            assert!((found[0] - towards[0]).abs() + (found[1] - towards[1]).abs() < 1e-9);
+            // In a view from the front, the front is nearest.
+            assert!(0.099 < to_camera(found, &figure[1])[2]);
+        }
+        let ball = square(0.0, 1.0);
+        assert_eq!(front(&ball), [0.0, 1.0]);
+        assert_eq!(front(&[]), [0.0, 1.0]);
     }
 
     #[test]
