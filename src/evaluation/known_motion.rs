@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn a_frame_carried_along_the_true_motion_lies_on_the_next_one() {
         let options = Options {
-            vertex_count: 2000,
+            vertex_count: 8000,
             speed: 2.0,
             noise: 0.0,
             ..Options::default()

@@ -11,20 +11,20 @@ use crate::evaluation::tables::name;
 /// The share of the figure's height that is shown, from the top: so that triangles are seen.
 const SHOWN: f64 = 0.3;
 /// The height of a panel, in picture units.
-const PANEL_HEIGHT: i32 = 560;
+const PANEL_HEIGHT: i32 = 460;
 /// The least width of a panel: that of its caption.
-const MIN_WIDTH: i32 = 480;
+const MIN_WIDTH: i32 = 405;
 /// Room above a panel for its caption, and above all for the legend.
-const CAPTION: i32 = 96;
-const LEGEND: i32 = 64;
-const GAP: i32 = 24;
+const CAPTION: i32 = 80;
+const LEGEND: i32 = 52;
+const GAP: i32 = 20;
 
 /// What was there in the frame before is blue, from the palette of Okabe and Ito; the rest orange.
 const STYLE: &str = "\
-<style>text{font:28px sans-serif;fill:#222}.b{font-weight:bold}
+<style>text{font:23px sans-serif;fill:#222}.b{font-weight:bold}
 path{fill:none;stroke-linecap:round;stroke-linejoin:round}
-.n{stroke:#e69f00;stroke-width:2}.k{stroke:#0072b2;stroke-width:2}
-.w{stroke:#d55e00;stroke-width:8}.v{stroke:#00395c;stroke-width:10}</style>
+.n{stroke:#e69f00;stroke-width:1.6}.k{stroke:#0072b2;stroke-width:1.6}
+.w{stroke:#d55e00;stroke-width:6.5}.v{stroke:#00395c;stroke-width:8}</style>
 ";
 
 /// The sheet: a row for each mode, a column for each frame.
@@ -39,8 +39,8 @@ pub(in crate::evaluation) fn contact_sheet(target: &TargetEvaluation) -> String 
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\">\n\
          {STYLE}<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n",
-        width / 2,
-        height / 2,
+        width * 6 / 10,
+        height * 6 / 10,
     );
     svg.push_str(&legend());
     for (row, run) in target.runs.iter().enumerate() {
@@ -66,15 +66,15 @@ fn legend() -> String {
     let mut text = String::new();
     let mut x = GAP;
     for (class, label) in entries {
-        let end = if "vw".contains(class) { x } else { x + 50 };
+        let end = if "vw".contains(class) { x } else { x + 42 };
         let mut sample = Path::default();
-        sample.polyline(&[[x, 34], [end, 34]]);
+        sample.polyline(&[[x, 28], [end, 28]]);
         text.push_str(&sample.element(class));
         text.push_str(&format!(
-            "<text x=\"{}\" y=\"44\">{label}</text>\n",
-            end + 20
+            "<text x=\"{}\" y=\"36\">{label}</text>\n",
+            end + 16
         ));
-        x = end + 80 + 13 * label.len() as i32;
+        x = end + 64 + 11 * label.len() as i32;
     }
     text
 }
@@ -85,7 +85,7 @@ fn caption(run: &Run, snapshot: &Snapshot, is_first: bool, [left, top]: [i32; 2]
     if is_first {
         text = format!(
             "<text class=\"b\" x=\"{left}\" y=\"{}\">{}</text>\n",
-            top + 34,
+            top + 28,
             name(run.tracking)
         );
     }
@@ -100,7 +100,7 @@ fn caption(run: &Run, snapshot: &Snapshot, is_first: bool, [left, top]: [i32; 2]
     }
     text.push_str(&format!(
         "<text x=\"{left}\" y=\"{}\">{label}</text>\n",
-        top + 70
+        top + 58
     ));
     text
 }

@@ -7,13 +7,13 @@ use crate::evaluation::snapshots::Snapshot;
 use crate::evaluation::tables::name;
 
 /// The height of a panel, in picture units.
-const PANEL_HEIGHT: i32 = 900;
-const CAPTION: i32 = 96;
+const PANEL_HEIGHT: i32 = 720;
+const CAPTION: i32 = 80;
 /// The least width of a panel: that of its caption.
-const MIN_WIDTH: i32 = 470;
-const GAP: i32 = 24;
+const MIN_WIDTH: i32 = 390;
+const GAP: i32 = 20;
 /// Room at the right for the scale.
-const SCALE_WIDTH: i32 = 190;
+const SCALE_WIDTH: i32 = 156;
 /// Colours that are told apart.
 const BINS: usize = 12;
 /// The distance at the end of the scale is not exceeded by this share of the vertices: few
@@ -52,8 +52,8 @@ pub(in crate::evaluation) fn heat_map(target: &TargetEvaluation) -> String {
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{}\" height=\"{}\">\n\
          {}<rect width=\"{width}\" height=\"{height}\" fill=\"#fff\"/>\n",
-        width / 2,
-        height / 2,
+        width * 6 / 10,
+        height * 6 / 10,
         style(),
     );
     for (column, (snapshot, mode)) in pictured.iter().enumerate() {
@@ -98,7 +98,7 @@ fn end_of_scale(pictured: &[(&Snapshot, &str)]) -> f64 {
 
 fn style() -> String {
     let mut style = String::from(
-        "<style>text{font:34px sans-serif;fill:#222}.b{font-weight:bold}path{stroke-width:1}\n",
+        "<style>text{font:28px sans-serif;fill:#222}.b{font-weight:bold}path{stroke-width:.8}\n",
     );
     for bin in 0..BINS {
         let color = color(bin);
@@ -134,8 +134,8 @@ fn caption(mode: &str, frame: &str, distances: &[f64], [left, top]: [i32; 2]) ->
     format!(
         "<text class=\"b\" x=\"{left}\" y=\"{}\">{mode}</text>\n\
          <text x=\"{left}\" y=\"{}\">to frame {frame}: mean {mean:.4} %</text>\n",
-        top + 40,
-        top + 84,
+        top + 33,
+        top + 69,
     )
 }
 
@@ -175,8 +175,8 @@ fn panel(snapshot: &Snapshot, distances: &[f64], view: &View, end: f64) -> Strin
 
 /// The colours and what they mean.
 fn scale(end: f64, left: i32) -> String {
-    const STEP: i32 = 60;
-    let mut text = format!("<text x=\"{left}\" y=\"84\">distance, %</text>\n");
+    const STEP: i32 = 48;
+    let mut text = format!("<text x=\"{left}\" y=\"69\">distance, %</text>\n");
     for bin in 0..BINS {
         let top = CAPTION + STEP * (BINS - 1 - bin) as i32;
         let mut path = Path::default();
@@ -193,8 +193,8 @@ fn scale(end: f64, left: i32) -> String {
             let label = digits.trim_end_matches('0').trim_end_matches('.');
             text.push_str(&format!(
                 "<text x=\"{}\" y=\"{}\">{label}</text>\n",
-                left + 52,
-                top + STEP + 10,
+                left + 44,
+                top + STEP + 9,
             ));
         }
     }

@@ -241,8 +241,15 @@ mod tests {
             seen.faces,
             [wholly, wholly, hidden, hidden, partly, partly, hidden]
         );
-        let first_of = |face| seen.order.iter().position(|f| *f == face).unwrap();
-        assert!(first_of(4) < first_of(2) && first_of(2) < first_of(0));
+    }
+
+    #[test]
+    fn faces_are_ordered_from_the_back_to_the_front() {
+        let positions = [2.0, -1.0, 0.0].map(|z| square(z, 1.0)).concat();
+        let faces = [0, 4, 8].map(|first| [first, first + 1, first + 2]);
+        let mesh = TriangleMesh::new(positions, faces.to_vec()).unwrap();
+        let seen = View::of(&[&mesh], 1.0, 100).look_at(&mesh);
+        assert_eq!(seen.order, [1, 2, 0]);
     }
 
     #[test]
