@@ -65,6 +65,10 @@ pub(super) fn takes(
     };
     let is_folder = |path: &&PathBuf| path.is_dir();
     let files: Vec<PathBuf> = paths.iter().filter(|p| !is_folder(p)).cloned().collect();
+    for file in &files {
+        // Known now, and not when the turn of its sequence comes.
+        std::fs::metadata(file).with_context(|| format!("{} cannot be read", file.display()))?;
+    }
     if !files.is_empty() {
         add("files".to_owned(), Source::Files(files));
     }

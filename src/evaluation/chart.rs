@@ -54,8 +54,11 @@ const HEIGHT: u32 = 480;
 const LEGEND_WIDTH: u32 = 210;
 const FONT: &str = "sans-serif";
 const LINE_WIDTH: u32 = 2;
+/// The lengths of a dash and of the gap after it: every dash costs bytes.
+const DASH: u32 = 14;
+const GAP: u32 = 8;
 /// More points than this are no longer marked one by one.
-const MAX_MARKED_POINTS: usize = 60;
+const MAX_MARKED_POINTS: usize = 20;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
@@ -74,7 +77,8 @@ pub(super) fn svg(chart: &Chart) -> Result<String, PlotFailed> {
     Ok(compact(&text))
 }
 
-/// The library writes every dash as an element of its own: those of one style become one path.
+/// The library writes every dash as an element of its own, and says what goes without saying:
+/// elements of one style become one path, and defaults are left out.
 fn compact(text: &str) -> String {
     let mut short = String::with_capacity(text.len());
     let mut open: Option<&str> = None;
@@ -151,7 +155,7 @@ where
         let style = style(line);
         if line.is_dashed {
             let points = line.points.iter().copied();
-            axes.draw_series(DashedLineSeries::new(points, 8, 5, style))?;
+            axes.draw_series(DashedLineSeries::new(points, DASH, GAP, style))?;
         } else {
             axes.draw_series(LineSeries::new(line.points.iter().copied(), style))?;
         }
@@ -171,7 +175,7 @@ fn draw_legend<'a>(chart: &Chart, area: &Area<'a>) -> Drawn<'a> {
     for (line, y) in chart.lines.iter().zip((60..).step_by(30)) {
         let sample = [(4, y), (40, y)];
         if line.is_dashed {
-            let dashes = DashedPathElement::new(sample, 8, 5, style(line));
+            let dashes = DashedPathElement::new(sample, DASH, GAP, style(line));
             area.draw(&dashes)?;
         } else {
             area.draw(&PathElement::new(sample, style(line)))?;

@@ -289,7 +289,10 @@ impl RunUnderWay {
             })
             .collect();
         let (average, best) = (averages(&figures), best(&figures));
-        let last_ten = figures.len().checked_sub(LAST).filter(|&from| LAST <= from);
+        let last_ten = figures
+            .len()
+            .checked_sub(LAST)
+            .filter(|&from| 3 * LAST <= from);
         let average_of_last_ten = last_ten.and_then(|from| averages(&figures[from..]));
         let both = average
             .as_ref()
@@ -317,7 +320,7 @@ impl RunUnderWay {
     }
 }
 
-/// Errors that add up show in the last pairs of at least twice as many.
+/// Errors that add up show in the last pairs of at least four times as many.
 const LAST: usize = 10;
 
 fn mpeg_peak(bounds: BoundingBox) -> f64 {
@@ -455,16 +458,16 @@ mod tests {
     }
 
     #[test]
-    fn the_last_ten_pairs_are_averaged_on_their_own_once_there_are_twenty() {
+    fn the_last_ten_pairs_are_averaged_on_their_own_once_there_are_forty() {
         let of_first = |count: u64| {
             let pairs: Vec<(u64, bool)> = (1..=count).map(|seq| (seq, true)).collect();
             sequence(&pairs).targets[0].runs[0]
                 .average_of_last_ten
                 .clone()
         };
-        assert!(of_first(19).is_none());
-        let last = of_first(20).unwrap().distances.surface_distance.current;
-        assert_eq!(last.own_unit.mean, 15.5);
+        assert!(of_first(39).is_none());
+        let last = of_first(40).unwrap().distances.surface_distance.current;
+        assert_eq!(last.own_unit.mean, 35.5);
     }
 
     #[test]

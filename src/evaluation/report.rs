@@ -108,8 +108,13 @@ dB, the mean over the pairs: on the vertices of both, and on 100,000 even sample
 Each is given for the direction with the larger error, as MPEG states it, and for the better one,
 as some papers do. The peak is the diagonal of frame k's bounding box. MPEG's software takes √3
 times the side of the cube of voxels, which is more for all that is not a cube; by how much, if the
-voxels just hold the frame, stands with each table. The Hausdorff distance is the largest of all
-from the vertices of either mesh, or the samples of the result, to the other's surface.";
+voxels just hold the frame, stands with each table. D1 on samples is bounded by the distance from
+one sample to the next. The Hausdorff distance is the largest of all
+from the vertices of either mesh, or the samples of the result, to the other's surface.
+
+The pictures are of the first size: five frames from the middle of the sequence as wireframes, with
+what was there in the frame before in blue, and the middle one with each face in the colour of the
+mean distance of its corners. Consistency is along the true motion in them where that is known.";
 
 fn push_overview(text: &mut String, evaluation: &Evaluation, medium: Medium) {
     push(text, OVERVIEW);

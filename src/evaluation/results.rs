@@ -130,7 +130,7 @@ pub struct Run {
     /// Averages over the compared pairs; none if there are no such pairs.
     pub average: Option<Averages>,
     /// Averages over the last ten of them, which show whether errors add up; none unless there
-    /// are twice as many.
+    /// are four times as many.
     pub average_of_last_ten: Option<Averages>,
     /// The compared pair with the smallest distances, for each kind of distance on its own.
     pub best: Option<ByMeasure<Best>>,
