@@ -101,3 +101,26 @@ fn by_error(original: &OrientedPoints, output: &OrientedPoints, peak: f64) -> By
         d2: decibels(|errors| errors.d2),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worse_direction_is_the_worse_one_whichever_mesh_is_the_original() {
+        let with = |corners: &[[f64; 3]], faces: &[[u32; 3]]| {
+            let positions = corners.iter().copied().map(Point::from).collect();
+            TriangleMesh::new(positions, faces.to_vec()).unwrap()
+        };
+        let corners = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 4., 1.]];
+        let small = with(&corners[..3], &[[0, 1, 2]]);
+        let large = with(&corners, &[[0, 1, 2], [1, 3, 2]]);
+        let [small, large] = [&small, &large].map(|mesh| Clouds::new(mesh).unwrap());
+        let found = large.psnr(&small, 1.0);
+        assert_eq!(found, small.psnr(&large, 1.0));
+        // The corner that only the large one has is √10 from the nearest of the small one.
+        let d1 = found.vertices.d1;
+        assert!((d1.worse.unwrap() - 10.0 * (4.0_f64 / 10.0).log10()).abs() < 1e-9);
+        assert_eq!(d1.better, None);
+    }
+}
