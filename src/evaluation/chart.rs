@@ -103,9 +103,16 @@ fn compact(text: &str) -> String {
         short.push('M');
         short.push_str(points);
     }
-    short
-        .replace(" opacity=\"1\"", "")
-        .replace(" stroke=\"none\"", "")
+    for default in [
+        " opacity=\"1\"",
+        " stroke=\"none\"",
+        " stroke-width=\"1\"",
+        " fill=\"#000000\"",
+        " font-family=\"sans-serif\"",
+    ] {
+        short = short.replace(default, "");
+    }
+    short.replacen("<svg ", "<svg font-family=\"sans-serif\" ", 1)
 }
 
 fn draw<'a>(chart: &Chart, text: &'a mut String) -> Drawn<'a> {
