@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page fuzz load
+.PHONY: demo test lint build page fuzz load results
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -45,3 +45,7 @@ fuzz:
 load:
 	scripts/install-dependencies build
 	cargo run --release --example load
+
+# docs/RESULTS.md from the captures in the folder DATA, which are not part of the project.
+results: build
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/release/steadymesh scripts/results $(DATA)

@@ -6,7 +6,11 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use serde_json::Value;
-use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances, vertex_distances};
+use steadymesh_geometry::mesh::vertex_normals;
+use steadymesh_geometry::metrics::{
+    DistanceStatistics, consistency, surface_distances, vertex_distances,
+};
+use steadymesh_geometry::registration::carry;
 use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_mesh_io::{Format, Limits, Mesh, obj, read};
@@ -59,6 +63,8 @@ struct Done {
     json: Value,
 }
 
+const MODES: [&str; 3] = ["off", "paper", "robust"];
+
 const ARGUMENTS: &str = "evaluate in --target-faces 500 --target-faces 300 --json figures.json \
                          --report report --keep-registered registered";
 
@@ -83,6 +89,31 @@ fn done() -> &'static Done {
 }
 
 impl Done {
+    /// What was found for one of the numbers of faces.
+    fn target(&self, index: usize) -> &Value {
+        &self.json["sequences"][0]["targets"][index]
+    }
+
+    /// The result of frame `frame` in mode `mode`, to 500 faces, made by `simplify`.
+    fn simplified(&self, mode: &str, frame: u64) -> TriangleMesh {
+        static SIMPLIFIED: OnceLock<()> = OnceLock::new();
+        SIMPLIFIED.get_or_init(|| {
+            for mode in MODES {
+                let simplify = "simplify in --target-faces 500 --format ply";
+                succeed(
+                    &format!("{simplify} --tracking {mode} --output {mode}"),
+                    &self.folder,
+                );
+            }
+        });
+        mesh(&self.path(&format!("{mode}/frame{frame}.ply")))
+    }
+
+    /// The figures of that result.
+    fn output(&self, mode: usize, frame: u64) -> &Value {
+        &self.target(0)["runs"][mode]["outputs"][frame as usize - 1]
+    }
+
     fn path(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -127,14 +158,11 @@ fn close_statistics(found: &Value, distances: &[f64]) {
 #[test]
 fn the_distances_are_those_of_the_written_meshes() {
     let done = done();
-    for (run, mode) in [(0, "off"), (1, "paper")] {
-        let simplify = format!("simplify in --target-faces 500 --tracking {mode} --output {mode}");
-        succeed(&format!("{simplify} --format ply"), &done.folder);
-        let run = &done.json["targets"][0]["runs"][run];
-        assert_eq!(run["tracking"], mode);
+    for (run, mode) in MODES.into_iter().enumerate() {
+        assert_eq!(done.target(0)["runs"][run]["tracking"], mode);
         for frame in 1..FRAMES {
-            let output = mesh(&done.path(&format!("{mode}/frame{frame}.ply")));
-            let found = &run["outputs"][frame as usize - 1];
+            let output = done.simplified(mode, frame);
+            let found = done.output(run, frame);
             assert_eq!(found["seq"], frame);
             assert_eq!(found["tracking"], mode);
             assert_eq!(found["faces"], output.face_count());
@@ -162,13 +190,75 @@ fn the_distances_are_those_of_the_written_meshes() {
                 );
                 assert_eq!(distances["sample_distance"][name]["count"], 20_000);
             }
+            let largest = ["surface_distance", "sample_distance", "to_output"].map(|distance| {
+                let statistics = &found["distances"][distance]["current"];
+                statistics["max"].as_f64().unwrap()
+            });
+            close(&found["hausdorff"], largest.into_iter().fold(0.0, f64::max));
+        }
+    }
+}
+
+#[test]
+fn the_decibels_are_those_of_the_written_meshes() {
+    let done = done();
+    for (run, mode) in MODES.into_iter().enumerate() {
+        for frame in 1..FRAMES {
+            let original = mesh(&done.path(&format!("in/frame{frame}.obj")));
+            let output = done.simplified(mode, frame);
+            let [there, back] = [(&original, &output), (&output, &original)].map(vertex_errors);
+            let peak = original.bounding_box().diagonal();
+            let found = &done.output(run, frame)["psnr"]["vertices"];
+            for (error, index) in [("d1", 0), ("d2", 1)] {
+                let (a, b) = (there[index], back[index]);
+                close(&found[error]["worse"], decibels(peak, a.max(b)));
+                close(&found[error]["better"], decibels(peak, a.min(b)));
+            }
+        }
+    }
+}
+
+fn decibels(peak: f64, mean_square: f64) -> f64 {
+    20.0 * (peak / mean_square.sqrt()).log10()
+}
+
+/// The mean squares of the distances to the nearest vertex, and of their part along its normal.
+fn vertex_errors((from, to): (&TriangleMesh, &TriangleMesh)) -> [f64; 2] {
+    let (tree, normals) = (VertexTree::new(to.positions()).unwrap(), vertex_normals(to));
+    let mut sums = [0.0; 2];
+    for vertex in from.positions() {
+        let nearest = tree.nearest(vertex).0 as usize;
+        let error = vertex - to.positions()[nearest];
+        sums[0] += error.norm_squared();
+        sums[1] += error.dot(&normals[nearest]).powi(2);
+    }
+    sums.map(|sum| sum / from.vertex_count() as f64)
+}
+
+#[test]
+fn the_consistency_is_that_of_the_written_meshes() {
+    let done = done();
+    for (run, mode) in MODES.into_iter().enumerate() {
+        for frame in 1..FRAMES {
+            let source = mesh(&done.path(&format!("in/frame{}.obj", frame - 1)));
+            let registered = mesh(&done.path(&format!("registered/frame{frame}.ply")));
+            let before = done.simplified(mode, frame - 1);
+            let carried = carry(before.positions(), &source, &registered);
+            let carried = carried.into_iter().map(|vertex| vertex.position).collect();
+            let carried = before.with_positions(carried).unwrap();
+            let expected = consistency(&carried, &done.simplified(mode, frame)).unwrap();
+            let found = &done.output(run, frame)["consistency"];
+            close(&found["vertex_persistence"], expected.vertex_persistence);
+            close(&found["edge_persistence"], expected.edge_persistence);
+            close(&found["flicker"], expected.flicker);
+            assert!(done.output(run, frame)["known_motion_consistency"].is_null());
         }
     }
 }
 
 #[test]
 fn averages_and_changes_follow_from_the_pairs() {
-    for target in done().json["targets"].as_array().unwrap() {
+    for target in [0, 1].map(|index| done().target(index)) {
         assert_eq!(target["compared_pairs"], FRAMES - 1);
         let mut means = vec![];
         for run in target["runs"].as_array().unwrap() {
@@ -187,6 +277,12 @@ fn averages_and_changes_follow_from_the_pairs() {
             close(&average["rmse"], mean_of("mse").sqrt());
             means.push(mean_of("mean"));
         }
+        let robust = &target["runs"][2]["average"]["consistency"];
+        let original = &target["runs"][0]["average"]["consistency"];
+        let back = ["vertex_persistence", "edge_persistence"];
+        for share in back.map(|share| [original, robust].map(|c| c[share].as_f64().unwrap())) {
+            assert!(share[0] < share[1], "{share:?}");
+        }
         let change = &target["runs"][1]["average_change_percent"]["surface_distance"]["previous"];
         let expected = 100.0 * (means[1] / means[0] - 1.0);
         let found = change["mean"].as_f64().unwrap();
@@ -199,7 +295,7 @@ fn averages_and_changes_follow_from_the_pairs() {
 #[test]
 fn bit_rates_are_those_of_thirty_frames_a_second() {
     let done = done();
-    for run in done.json["targets"][1]["runs"].as_array().unwrap() {
+    for run in done.target(1)["runs"].as_array().unwrap() {
         for output in run["outputs"].as_array().unwrap() {
             assert_eq!(output["faces"], 300);
             assert_eq!(output["target_reached"], true);
@@ -229,7 +325,7 @@ fn the_terminal_shows_the_papers_four_tables_for_every_number_of_faces() {
     ] {
         assert_eq!(printed.matches(label).count(), 2, "{label}:\n{printed}");
     }
-    let average = &done().json["targets"][0]["runs"][1]["average_change_percent"];
+    let average = &done().target(0)["runs"][1]["average_change_percent"];
     let change = average["surface_distance"]["previous"]["mean"]
         .as_f64()
         .unwrap();
@@ -238,6 +334,9 @@ fn the_terminal_shows_the_papers_four_tables_for_every_number_of_faces() {
         "{change}:\n{printed}"
     );
 }
+
+/// Seven plots a size, and two pictures at the first one.
+const IMAGES: usize = 7 + 2 + 7;
 
 #[test]
 fn the_report_names_its_command_and_has_every_plot_it_refers_to() {
@@ -252,16 +351,22 @@ fn the_report_names_its_command_and_has_every_plot_it_refers_to() {
         .skip(1)
         .map(|rest| rest.split(')').next().unwrap())
         .collect();
-    assert_eq!(plots.len(), 12);
+    assert_eq!(plots.len(), IMAGES);
     for plot in plots {
         let svg = done.text(&format!("report/{plot}"));
-        assert!(
-            svg.contains("original, k-1") && svg.contains("tracked (paper), k"),
-            "{plot}"
-        );
+        let labels = match plot {
+            _ if plot.contains("persistence") => ["original, vertices", "tracked (paper), edges"],
+            _ if plot.contains("contact-sheet") => ["tracked (robust)", "frame 2: "],
+            _ if plot.contains("heat-map") => ["to frame k-1: ", "tracked (paper)"],
+            _ => ["original, k-1", "tracked (robust), k"],
+        };
+        for label in labels {
+            assert!(svg.contains(label), "{plot}: {label}");
+        }
+        assert!(svg.len() < 300_000, "{plot}: {} bytes", svg.len());
     }
     let written = std::fs::read_dir(done.path("report")).unwrap().count();
-    assert_eq!(written, 12 + 1);
+    assert_eq!(written, IMAGES + 1);
 }
 
 #[test]
@@ -287,7 +392,7 @@ fn an_argument_with_a_space_is_quoted_in_the_report() {
         "{}",
         &report[..300]
     );
-    assert!(report.contains("## To 500 faces") && report.contains("## To 300 faces"));
+    assert!(report.contains("### in: to 500 faces") && report.contains("### in: to 300 faces"));
 }
 
 #[test]
@@ -312,7 +417,56 @@ fn equal_inputs_give_equal_files() {
             }
         }
     }
-    assert_eq!(compared, 13 + 2 + 1);
+    assert_eq!(compared, IMAGES + 1 + 2 + 1);
+}
+
+#[test]
+fn every_folder_is_a_sequence_and_the_rig_one_whose_motion_is_known() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    for name in ["first", "second"] {
+        write_synthetic_frames(&folder.path().join(name));
+    }
+    std::fs::remove_file(folder.path().join("second/frame0.obj")).unwrap();
+    let printed = succeed(
+        "evaluate first second --synthetic=vertices=2000,speed=2,frames=3 --target-ratio 0.125 \
+         --target-faces 300 --tracking robust --json a.json --report report --keep-registered out",
+        folder.path(),
+    );
+    let json = std::fs::read(folder.path().join("a.json")).unwrap();
+    let json: Value = serde_json::from_slice(&json).unwrap();
+    let sequences = json["sequences"].as_array().unwrap();
+    let names: Vec<&str> = sequences
+        .iter()
+        .map(|s| s["name"].as_str().unwrap())
+        .collect();
+    let rig = "rig, speed 2, noise 0.3 mm, 2000 vertices";
+    assert_eq!(names, ["first", "second", rig]);
+    assert_eq!(sequences[1]["pairs"].as_array().unwrap().len(), 1);
+    let sizes = sequences[0]["targets"].as_array().unwrap();
+    assert_eq!(sizes[0]["target_faces"], 300);
+    assert_eq!(sizes[1]["target_ratio"], 0.125);
+    for name in ["first/frame2.ply", "second/frame2.ply"] {
+        assert!(folder.path().join("out").join(name).exists(), "{name}");
+    }
+    for label in [
+        "first, 300 faces",
+        "second, 12.5 % of the faces",
+        "Along the true motion",
+    ] {
+        assert!(printed.contains(label), "{label}:\n{printed}");
+    }
+
+    // The same frames, once from files and once from the rig.
+    let outputs = |sequence: usize| &sequences[sequence]["targets"][1]["runs"][1]["outputs"];
+    for frame in 0..2 {
+        let (file, known) = (&outputs(0)[frame], &outputs(2)[frame]);
+        assert_eq!(file["distances"], known["distances"]);
+        assert_eq!(file["consistency"], known["consistency"]);
+        assert!(file["known_motion_consistency"].is_null());
+        let flicker = |of: &Value| of["flicker"].as_f64().unwrap();
+        let ratio = flicker(&known["known_motion_consistency"]) / flicker(&known["consistency"]);
+        assert!((0.5..2.0).contains(&ratio), "{ratio}");
+    }
 }
 
 #[test]
@@ -340,6 +494,9 @@ fn wrong_usage_is_exit_code_two() {
         "evaluate a.obj b.obj --target-faces 3",
         "evaluate a.obj b.obj --target-faces 100,many",
         "evaluate a.obj b.obj --target-faces 100 --tracking no-such-mode",
+        "evaluate a.obj b.obj --target-ratio 1.5",
+        "evaluate --synthetic=colour=1 --target-faces 100",
+        "evaluate --synthetic",
     ] {
         let done = steadymesh(arguments, folder.path());
         assert_eq!(done.status.code(), Some(2), "{arguments}");

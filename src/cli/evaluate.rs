@@ -1,67 +1,93 @@
-//! `steadymesh evaluate`: the paper's experiment on a sequence of frame files.
+//! `steadymesh evaluate`: the paper's experiment on sequences of frames.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
+use indicatif::ProgressBar;
+use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::ply;
 
-use crate::evaluation::{Evaluation, Plan, Protocol, plots, report, terminal};
-use crate::pipeline::{PreparedFrame, Settings};
+use crate::evaluation::{
+    Evaluation, Pair, Plan, Protocol, Sequence, file_words, pictured_frames, plots, report,
+    terminal,
+};
+use crate::pipeline::{Settings, TargetSize};
 
-use super::frame_files::{expand, read_frame, to_file_mesh};
-use super::output_files::{create, make_folder, output_names, write_file};
+use super::frame_files::to_file_mesh;
+use super::output_files::{create, make_folder, write_file};
 use super::progress::progress_bar;
-use super::target::target_faces;
+use super::takes::{SyntheticOptions, Take, TakenFrame, takes};
+use super::target::{target_faces, target_ratio};
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("sequences").required(true).multiple(true))]
+#[command(group = clap::ArgGroup::new("sizes").required(true).multiple(true))]
 pub(super) struct Arguments {
-    /// Frame files or folders of them: one sequence, folders in natural order.
-    #[arg(required = true)]
+    /// Folders of frame files, each a sequence in natural order; files are one sequence together.
+    #[arg(group = "sequences")]
     paths: Vec<PathBuf>,
+    /// The synthetic rig as a sequence, whose true motion is known; with several, one by one.
+    /// Any of speed (1), noise (0.0003 m), vertices (20000), frames (30) and seed (1).
+    #[arg(long, value_name = "speed=S,noise=M,…", group = "sequences")]
+    #[arg(num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    synthetic: Vec<SyntheticOptions>,
     /// How many faces each frame is to have; several numbers are evaluated one by one.
-    #[arg(long, value_name = "N", required = true, value_delimiter = ',')]
+    #[arg(long, value_name = "N", value_delimiter = ',', group = "sizes")]
     #[arg(allow_negative_numbers = true, value_parser = target_faces)]
     target_faces: Vec<usize>,
-    /// The tracking modes to be compared with the original QEM.
+    /// Which share of its faces each frame is to keep; several are evaluated one by one.
+    #[arg(long, value_name = "R", value_delimiter = ',', group = "sizes")]
+    #[arg(allow_negative_numbers = true, value_parser = target_ratio)]
+    target_ratio: Vec<f64>,
+    /// The tracking modes to be compared with the original QEM, which is always there.
     #[arg(long, value_enum, value_name = "MODE", value_delimiter = ',')]
-    #[arg(default_value = "paper")]
+    #[arg(default_values = ["paper", "robust"])]
     tracking: Vec<TrackingMode>,
     /// Write every figure to this file, as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a report (report.md) and its plots (SVG) to this folder; made if it does not exist.
+    /// Write a report (report.md), its plots and its pictures (SVG) to this folder, which is made
+    /// if it does not exist. There are pictures at the first size, and of the first synthetic
+    /// sequence only.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Write the registered previous frame of every frame after the first to this folder, as PLY.
+    /// Write the registered previous frame of every frame after the first to this folder, as PLY;
+    /// to a folder in it for each sequence if there are several.
     #[arg(long, value_name = "DIR")]
     keep_registered: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let files = expand(&arguments.paths)?;
-    if files.len() < 2 {
-        let count = files.len();
-        bail!("consecutive frames are compared, which takes at least two frames; found {count}");
-    }
-    let registered_files = match &arguments.keep_registered {
-        Some(folder) => {
-            let names = output_names(&files, "ply")?;
-            make_folder(folder)?;
-            names.iter().map(|name| Some(folder.join(name))).collect()
-        }
-        None => vec![None; files.len()],
-    };
+    let takes = takes(&arguments.paths, &arguments.synthetic)?;
+    let folders = registered_folders(&takes, arguments.keep_registered.as_deref())?;
     if let Some(folder) = &arguments.report {
         make_folder(folder)?;
     }
     // Made before the work, so that a name that cannot be written to is known at once.
     let json = arguments.json.as_deref().map(create).transpose()?;
 
-    let evaluation = evaluate(&files, &registered_files, plan(arguments))?;
+    let plan = plan(arguments);
+    let progress = progress_bar(takes.iter().map(Take::frame_count).sum());
+    let mut sequences = Vec::with_capacity(takes.len());
+    let mut rig_is_pictured = false;
+    for (take, folder) in takes.iter().zip(&folders) {
+        // It looks the same at any speed.
+        let is_pictured = !(take.has_known_motion() && rig_is_pictured);
+        rig_is_pictured |= take.has_known_motion();
+        let pictured = match is_pictured {
+            true => pictured_frames(take.frame_count()),
+            false => 0..0,
+        };
+        let protocol = Protocol::new(plan.clone(), pictured);
+        sequences.push(evaluate(take, protocol, folder.as_deref(), &progress)?);
+    }
+    progress.finish();
+
+    let evaluation = Evaluation::new(command()?, sequences);
     if let Some(mut json) = json {
         serde_json::to_writer_pretty(&mut json, &evaluation)?;
         json.write_all(b"\n")
@@ -77,52 +103,77 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     super::print(&terminal(&evaluation))
 }
 
-/// Each number of faces and each mode once, in the order in which they were typed.
+/// The folder for each sequence's registered frames, which is made now.
+fn registered_folders(
+    takes: &[Take],
+    folder: Option<&Path>,
+) -> anyhow::Result<Vec<Option<PathBuf>>> {
+    let mut folders = Vec::with_capacity(takes.len());
+    for take in takes {
+        let folder = folder.map(|folder| match takes.len() {
+            1 => folder.to_owned(),
+            _ => folder.join(file_words(take.name())),
+        });
+        if let Some(folder) = &folder {
+            make_folder(folder)?;
+        }
+        folders.push(folder);
+    }
+    Ok(folders)
+}
+
+/// Each size and each mode once, in the order in which they were typed.
 fn plan(arguments: &Arguments) -> Plan {
+    let faces = arguments.target_faces.iter().copied();
+    let ratios = arguments.target_ratio.iter().copied();
     let mut targets = Vec::new();
-    for &target in &arguments.target_faces {
+    for target in faces
+        .map(TargetSize::Faces)
+        .chain(ratios.map(TargetSize::Ratio))
+    {
         if !targets.contains(&target) {
             targets.push(target);
         }
     }
     Plan {
-        target_faces: targets,
+        targets,
         modes: arguments.tracking.iter().map(|&mode| mode.into()).collect(),
         settings: Settings::default(),
     }
 }
 
-/// Evaluates the frames in `files`, two at a time, and writes each registered frame to the file
-/// that is meant for it.
+/// Evaluates a sequence, two frames at a time, and writes each registered frame to
+/// `registered_folder` if there is one.
 fn evaluate(
-    files: &[PathBuf],
-    registered_files: &[Option<PathBuf>],
-    plan: Plan,
-) -> anyhow::Result<Evaluation> {
-    let mut protocol = Protocol::new(plan);
-    let progress = progress_bar(files.len() as u64);
-    let mut previous: Option<PreparedFrame> = None;
-    for (seq, (file, registered_file)) in files.iter().zip(registered_files).enumerate() {
-        let current = read(file)?;
-        if let Some(previous) = previous {
+    take: &Take,
+    mut protocol: Protocol,
+    registered_folder: Option<&Path>,
+    progress: &ProgressBar,
+) -> anyhow::Result<Sequence> {
+    let names = take.registered_names()?;
+    let mut previous: Option<TakenFrame> = None;
+    for (seq, name) in (0..).zip(&names) {
+        let current = take.frame(seq)?;
+        if let Some(previous) = &previous {
+            let carry = |output: &TriangleMesh| take.carry(previous, output, seq);
+            let pair = Pair {
+                seq,
+                previous: &previous.prepared,
+                current: &current.prepared,
+                true_motion: take.has_known_motion().then_some(&carry),
+            };
             let registered = protocol
-                .add_pair(seq as u64, &previous, &current)
-                .with_context(|| file.display().to_string())?;
-            if let (Some(path), Some(mesh)) = (registered_file, &registered) {
-                write_file(path, &ply::write(&to_file_mesh(mesh)))?;
+                .add_pair(pair)
+                .with_context(|| take.frame_name(seq))?;
+            if let (Some(folder), Some(mesh)) = (registered_folder, &registered) {
+                write_file(&folder.join(name), &ply::write(&to_file_mesh(mesh)))?;
             }
         }
         previous = Some(current);
         progress.inc(1);
     }
-    progress.finish();
-    let names = files.iter().filter_map(|file| file.file_name());
-    let names = names.map(|name| name.to_string_lossy().into_owned());
-    Ok(protocol.finish(command()?, names.collect()))
-}
-
-fn read(file: &Path) -> anyhow::Result<PreparedFrame> {
-    PreparedFrame::new(read_frame(file)?, &mut ()).with_context(|| file.display().to_string())
+    let frames = (0..take.frame_count()).map(|seq| take.frame_name(seq));
+    Ok(protocol.finish(take.name().to_owned(), frames.collect()))
 }
 
 /// What was typed, so that it can be typed again.

@@ -17,6 +17,7 @@ mod serve;
 mod simplify;
 mod stream_url;
 mod subscribe;
+mod takes;
 mod target;
 mod token;
 mod tracking_mode;
@@ -52,7 +53,7 @@ enum Command {
     Subscribe(subscribe::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
-    /// Compare tracking with the original QEM on a sequence of frame files.
+    /// Compare tracking with the original QEM on sequences of frames.
     Evaluate(evaluate::Arguments),
 }
 

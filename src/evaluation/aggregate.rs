@@ -1,21 +1,74 @@
 //! From the figures of pairs to those of a sequence.
 
-use steadymesh_proto::metrics::Statistics;
+use steadymesh_proto::metrics::{Consistency, Statistics};
 
-use super::results::{Best, ByFrame, ByMeasure, Change, Measure, Summary};
+use super::results::{
+    Averages, Best, ByError, ByFrame, ByMeasure, Change, ConsistencySummary, Directions, Measure,
+    Output, Psnr, Summary,
+};
 
-/// The distances of one pair's result.
+/// The figures of one pair's result.
+#[derive(Clone, Copy)]
 pub(super) struct PairFigures<'a> {
-    /// The number of frame k.
-    pub seq: u64,
-    /// The diagonal of its bounding box.
+    /// The diagonal of the bounding box of frame k.
     pub diagonal: f64,
-    /// What was measured.
+    /// All of them.
+    pub output: &'a Output,
+    /// The distances among them.
     pub distances: &'a ByMeasure<ByFrame<Statistics>>,
 }
 
 /// The averages over `pairs`; none if there are none.
-pub(super) fn average(pairs: &[PairFigures<'_>]) -> Option<ByMeasure<ByFrame<Summary>>> {
+pub(super) fn averages(pairs: &[PairFigures<'_>]) -> Option<Averages> {
+    let over = |of: &dyn Fn(&PairFigures<'_>) -> Option<f64>| mean(pairs.iter().filter_map(of));
+    let psnr = |of: fn(&Psnr) -> &ByError| {
+        let decibels = |of_error: fn(&ByError) -> &Directions| Directions {
+            worse: over(&|p| of_error(of(p.output.psnr.as_ref()?)).worse),
+            better: over(&|p| of_error(of(p.output.psnr.as_ref()?)).better),
+        };
+        ByError {
+            d1: decibels(|error| &error.d1),
+            d2: decibels(|error| &error.d2),
+        }
+    };
+    Some(Averages {
+        distances: average(pairs)?,
+        hausdorff_percent_of_diagonal: over(&|p| Some(100.0 * p.output.hausdorff? / p.diagonal))?,
+        psnr: Psnr {
+            vertices: psnr(|psnr| &psnr.vertices),
+            samples: psnr(|psnr| &psnr.samples),
+        },
+        consistency: average_consistency(pairs, |output| output.consistency.as_ref()),
+        known_motion_consistency: average_consistency(pairs, |output| {
+            output.known_motion_consistency.as_ref()
+        }),
+        bytes: over(&|p| Some(p.output.bytes as f64))?,
+        mbit_per_second: over(&|p| Some(p.output.mbit_per_second))?,
+    })
+}
+
+fn average_consistency(
+    pairs: &[PairFigures<'_>],
+    of: fn(&Output) -> Option<&Consistency>,
+) -> Option<ConsistencySummary> {
+    let found: Vec<(&Consistency, f64)> = pairs
+        .iter()
+        .filter_map(|pair| Some((of(pair.output)?, pair.diagonal)))
+        .collect();
+    Some(ConsistencySummary {
+        vertex_persistence: mean(found.iter().map(|(c, _)| c.vertex_persistence))?,
+        edge_persistence: mean(found.iter().map(|(c, _)| c.edge_persistence))?,
+        flicker_percent_of_diagonal: mean(found.iter().map(|(c, d)| 100.0 * c.flicker / d))?,
+    })
+}
+
+/// The mean of `values`; none if there are none.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0_u32), |(sum, count), v| (sum + v, count + 1));
+    (0 < count).then(|| sum / f64::from(count))
+}
+
+fn average(pairs: &[PairFigures<'_>]) -> Option<ByMeasure<ByFrame<Summary>>> {
     let each = |measure: Measure| {
         pairs
             .iter()
@@ -39,11 +92,11 @@ pub(super) fn average(pairs: &[PairFigures<'_>]) -> Option<ByMeasure<ByFrame<Sum
 pub(super) fn best(pairs: &[PairFigures<'_>]) -> Option<ByMeasure<Best>> {
     let first = pairs.first()?;
     Some(ByMeasure::from_fn(|measure| {
-        let mut best = (first.seq, summaries(first, measure));
+        let mut best = (first.output.seq, summaries(first, measure));
         for pair in &pairs[1..] {
             let summary = summaries(pair, measure);
             if badness(&summary) < badness(&best.1) {
-                best = (pair.seq, summary);
+                best = (pair.output.seq, summary);
             }
         }
         let (seq, summary) = best;
@@ -135,32 +188,34 @@ mod tests {
     use super::*;
     use crate::pipeline::statistics;
 
-    fn distances(previous: &[f64], current: &[f64]) -> ByMeasure<ByFrame<Statistics>> {
-        ByMeasure::from_fn(|_| ByFrame {
-            previous: Some(statistics(previous)),
-            current: statistics(current),
-        })
+    fn output(seq: u64, previous: &[f64], current: &[f64]) -> Output {
+        Output {
+            seq,
+            bytes: 1000,
+            hausdorff: Some(1.0),
+            distances: Some(ByMeasure::from_fn(|_| ByFrame {
+                previous: Some(statistics(previous)),
+                current: statistics(current),
+            })),
+            ..Output::default()
+        }
     }
 
-    fn pair(
-        seq: u64,
-        diagonal: f64,
-        distances: &ByMeasure<ByFrame<Statistics>>,
-    ) -> PairFigures<'_> {
+    fn pair(diagonal: f64, output: &Output) -> PairFigures<'_> {
         PairFigures {
-            seq,
             diagonal,
-            distances,
+            output,
+            distances: output.distances.as_ref().unwrap(),
         }
     }
 
     #[test]
     fn averages_are_means_of_means_and_roots_of_mean_squares() {
         let (a, b) = (
-            distances(&[1.0, 3.0], &[2.0]),
-            distances(&[6.0, 10.0], &[4.0]),
+            output(1, &[1.0, 3.0], &[2.0]),
+            output(2, &[6.0, 10.0], &[4.0]),
         );
-        let average = average(&[pair(1, 10.0, &a), pair(2, 20.0, &b)]).unwrap();
+        let average = average(&[pair(10.0, &a), pair(20.0, &b)]).unwrap();
         let previous = average.surface_distance.previous.unwrap();
         assert_eq!(previous.own_unit.mean, 5.0);
         assert_eq!(previous.own_unit.variance, f64::midpoint(1.0, 4.0));
@@ -175,8 +230,8 @@ mod tests {
 
     #[test]
     fn the_best_pair_has_the_smallest_sum_relative_to_its_size() {
-        let (small, large) = (distances(&[1.0], &[2.0]), distances(&[3.0], &[2.0]));
-        let pairs = [pair(1, 10.0, &small), pair(2, 100.0, &large)];
+        let (small, large) = (output(1, &[1.0], &[2.0]), output(2, &[3.0], &[2.0]));
+        let pairs = [pair(10.0, &small), pair(100.0, &large)];
         let best = best(&pairs).unwrap();
         assert_eq!(best.surface_distance.seq, 2);
         assert_eq!(best.surface_distance.summary.current.own_unit.mean, 2.0);
@@ -184,8 +239,8 @@ mod tests {
 
     #[test]
     fn half_of_the_distance_is_a_change_of_minus_fifty_percent() {
-        let (tracked, original) = (distances(&[1.0], &[3.0]), distances(&[2.0], &[0.0]));
-        let average = |d| average(&[pair(1, 1.0, d)]).unwrap().surface_distance;
+        let (tracked, original) = (output(1, &[1.0], &[3.0]), output(1, &[2.0], &[0.0]));
+        let average = |o| average(&[pair(1.0, o)]).unwrap().surface_distance;
         let change = change(&average(&tracked), &average(&original));
         let previous = change.previous.unwrap();
         assert_eq!((previous.mean, previous.mse), (Some(-50.0), Some(-75.0)));
@@ -194,6 +249,51 @@ mod tests {
 
     #[test]
     fn there_is_no_average_of_no_pairs() {
-        assert!(average(&[]).is_none() && best(&[]).is_none());
+        assert!(averages(&[]).is_none() && best(&[]).is_none());
+    }
+
+    #[test]
+    fn decibels_and_shares_are_averaged_over_the_pairs_that_have_them() {
+        let decibels = |worse| Directions {
+            worse,
+            better: Some(90.0),
+        };
+        let with = |worse, flicker| {
+            let mut output = output(1, &[1.0], &[1.0]);
+            let mut psnr = Psnr::default();
+            psnr.vertices.d2 = decibels(worse);
+            output.psnr = Some(psnr);
+            output.consistency = Some(Consistency {
+                vertex_persistence: 0.5,
+                edge_persistence: 0.75,
+                flicker,
+            });
+            output
+        };
+        // Where there is no error there are no decibels.
+        let outputs = [
+            with(Some(60.0), 1.0),
+            with(Some(70.0), 4.0),
+            with(None, 1.0),
+        ];
+        let pairs = [
+            pair(10.0, &outputs[0]),
+            pair(20.0, &outputs[1]),
+            pair(10.0, &outputs[2]),
+        ];
+        let averages = averages(&pairs).unwrap();
+        assert_eq!(
+            averages.psnr.vertices.d2,
+            Directions {
+                worse: Some(65.0),
+                better: Some(90.0)
+            }
+        );
+        assert_eq!(averages.psnr.samples, ByError::default());
+        let consistency = averages.consistency.unwrap();
+        assert!((consistency.flicker_percent_of_diagonal - 40.0 / 3.0).abs() < 1e-12);
+        assert_eq!(consistency.vertex_persistence, 0.5);
+        assert_eq!(averages.known_motion_consistency, None);
+        assert!((averages.hausdorff_percent_of_diagonal - 25.0 / 3.0).abs() < 1e-12);
     }
 }

@@ -54,8 +54,11 @@ const HEIGHT: u32 = 480;
 const LEGEND_WIDTH: u32 = 210;
 const FONT: &str = "sans-serif";
 const LINE_WIDTH: u32 = 2;
+/// The lengths of a dash and of the gap after it: every dash costs bytes.
+const DASH: u32 = 14;
+const GAP: u32 = 8;
 /// More points than this are no longer marked one by one.
-const MAX_MARKED_POINTS: usize = 60;
+const MAX_MARKED_POINTS: usize = 20;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
@@ -71,7 +74,45 @@ pub(super) fn svg(chart: &Chart) -> Result<String, PlotFailed> {
         title: chart.title.clone(),
         reason: error.to_string(),
     })?;
-    Ok(text)
+    Ok(compact(&text))
+}
+
+/// The library writes every dash as an element of its own, and says what goes without saying:
+/// elements of one style become one path, and defaults are left out.
+fn compact(text: &str) -> String {
+    let mut short = String::with_capacity(text.len());
+    let mut open: Option<&str> = None;
+    for line in text.lines() {
+        let polyline = line
+            .strip_prefix("<polyline ")
+            .and_then(|rest| rest.split_once("points=\""))
+            .and_then(|(style, rest)| Some((style, rest.strip_suffix(" \"/>")?)));
+        if open.is_some() && open != polyline.map(|(style, _)| style) {
+            short.push_str("\"/>\n");
+            open = None;
+        }
+        let Some((style, points)) = polyline else {
+            short.push_str(line);
+            short.push('\n');
+            continue;
+        };
+        if open.is_none() {
+            short.push_str(&format!("<path {style}d=\""));
+            open = Some(style);
+        }
+        short.push('M');
+        short.push_str(points);
+    }
+    for default in [
+        " opacity=\"1\"",
+        " stroke=\"none\"",
+        " stroke-width=\"1\"",
+        " fill=\"#000000\"",
+        " font-family=\"sans-serif\"",
+    ] {
+        short = short.replace(default, "");
+    }
+    short.replacen("<svg ", "<svg font-family=\"sans-serif\" ", 1)
 }
 
 fn draw<'a>(chart: &Chart, text: &'a mut String) -> Drawn<'a> {
@@ -121,7 +162,7 @@ where
         let style = style(line);
         if line.is_dashed {
             let points = line.points.iter().copied();
-            axes.draw_series(DashedLineSeries::new(points, 8, 5, style))?;
+            axes.draw_series(DashedLineSeries::new(points, DASH, GAP, style))?;
         } else {
             axes.draw_series(LineSeries::new(line.points.iter().copied(), style))?;
         }
@@ -141,7 +182,7 @@ fn draw_legend<'a>(chart: &Chart, area: &Area<'a>) -> Drawn<'a> {
     for (line, y) in chart.lines.iter().zip((60..).step_by(30)) {
         let sample = [(4, y), (40, y)];
         if line.is_dashed {
-            let dashes = DashedPathElement::new(sample, 8, 5, style(line));
+            let dashes = DashedPathElement::new(sample, DASH, GAP, style(line));
             area.draw(&dashes)?;
         } else {
             area.draw(&PathElement::new(sample, style(line)))?;
@@ -247,6 +288,21 @@ mod tests {
                 assert!(!text.contains("NaN"), "{points:?}");
             }
         }
+    }
+
+    #[test]
+    fn the_dashes_of_a_line_are_one_path_and_lines_of_another_style_are_not() {
+        let line = |color: &str, points: &str| {
+            format!(
+                "<polyline fill=\"none\" opacity=\"1\" stroke=\"{color}\" points=\"{points} \"/>\n"
+            )
+        };
+        let text = line("#a", "1,2 3,4") + &line("#a", "5,6 7,8") + &line("#b", "0,0 1,1");
+        assert_eq!(
+            compact(&(text + "</svg>\n")),
+            "<path fill=\"none\" stroke=\"#a\" d=\"M1,2 3,4M5,6 7,8\"/>\n\
+             <path fill=\"none\" stroke=\"#b\" d=\"M0,0 1,1\"/>\n</svg>\n"
+        );
     }
 
     #[test]

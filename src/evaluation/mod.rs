@@ -1,13 +1,18 @@
-//! The experiment of section 4 of the Tracked QEM paper, on any sequence of frames.
+//! The experiment of section 4 of the Tracked QEM paper, on any sequences of frames, and what the
+//! paper does not measure.
 //!
 //! For each pair of consecutive frames (k-1, k), frame k-1 is registered onto frame k once.
 //! Frame k is then simplified by the original QEM (`off`) and with every tracking mode in
 //! question, and every result is measured against the same two meshes: the registered frame
 //! k-1 and frame k. What is measured is the mesh as players see it, after Draco.
 //!
-//! [`Protocol`] takes the pairs one by one and holds figures only; [`Evaluation`] is what comes
-//! out, and what is written as JSON; [`terminal`] and [`report`] show it to people. Nothing here
-//! reads a clock or a file, and equal inputs give equal bytes.
+//! [`Protocol`] takes the pairs of a sequence one by one and holds figures and few meshes;
+//! [`Evaluation`] is what comes out, and what is written as JSON; [`terminal`], [`report`] and
+//! [`plots`] show it to people. Nothing here reads a clock or a file, and equal inputs give equal
+//! bytes.
+//!
+//! [`KnownMotion`] is a sequence that says where everything goes, so that consistency can be
+//! measured without the registration that tracking relies on.
 //!
 //! Decided where the paper is silent:
 //!
@@ -24,20 +29,25 @@
 mod aggregate;
 mod chart;
 mod distribution;
+mod known_motion;
 mod measure;
+mod overview;
+mod pictures;
 mod plots;
 mod protocol;
 mod published;
 mod report;
 mod results;
-mod surface_samples;
+mod snapshots;
 mod tables;
 
 pub use chart::PlotFailed;
-pub use plots::{Plot, plots};
-pub use protocol::{Plan, Protocol};
+pub use known_motion::{KnownFrame, KnownMotion};
+pub use plots::{Plot, file_words, plots};
+pub use protocol::{Pair, Plan, Protocol, TrueMotion};
 pub use report::{report, terminal};
 pub use results::{
-    Best, ByFrame, ByMeasure, Change, Evaluation, FramePair, Measure, Output, Run, Summary,
-    TargetEvaluation,
+    Averages, Best, ByError, ByFrame, ByMeasure, Change, ConsistencySummary, Directions,
+    Evaluation, FramePair, Measure, Output, Psnr, Run, Sequence, Summary, Target, TargetEvaluation,
 };
+pub use snapshots::{Snapshot, pictured_frames};

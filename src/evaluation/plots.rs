@@ -1,41 +1,76 @@
-//! The plots of a report.
+//! The images of a report: plots and pictures.
 
-use steadymesh_proto::metrics::Tracking;
+use steadymesh_proto::metrics::{Consistency, Tracking};
 
 use super::chart::{Chart, Line, PlotFailed, Scale, svg};
-use super::results::{ByFrame, Evaluation, Measure, Run, TargetEvaluation};
+use super::pictures;
+use super::results::{
+    ByFrame, Evaluation, Measure, Output, Run, Sequence, Target, TargetEvaluation, percent,
+};
 use super::tables::name;
 
-/// A plot and the file it goes into.
+/// A plot or picture and the file it goes into.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// The name of the file.
     pub file_name: String,
-    /// What the plot shows.
+    /// What it shows.
     pub title: String,
     /// The content of the file.
     pub svg: String,
 }
 
-/// The plots of every target: the mean of each kind of distance over the frames, and how the
-/// distances from vertices and from samples are distributed.
+/// What an image of a sequence at one size shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Image {
+    /// The means of one kind of distance over the frames.
+    OverFrames(Measure),
+    /// How the distances of one kind are distributed.
+    Distribution(Measure),
+    /// What comes back, over the frames.
+    Persistence,
+    /// Consecutive wireframes of every mode.
+    ContactSheet,
+    /// One result of every mode, coloured by its distances.
+    HeatMap,
+}
+
+/// The images of every sequence and size.
 ///
 /// # Errors
 ///
 /// [`PlotFailed`] names the plot that could not be drawn.
 pub fn plots(evaluation: &Evaluation) -> Result<Vec<Plot>, PlotFailed> {
     let mut plots = Vec::new();
-    for target in &evaluation.targets {
-        for measure in Measure::ALL {
-            let chart = over_frames(evaluation, target, measure);
-            plots.push(plot(over_frames_file(target, measure), &chart)?);
-        }
-        for measure in DISTRIBUTIONS {
-            let chart = distribution(target, measure);
-            plots.push(plot(distribution_file(target, measure), &chart)?);
+    for sequence in &evaluation.sequences {
+        for target in &sequence.targets {
+            for image in images(target) {
+                let title = image.title(target.target);
+                plots.push(Plot {
+                    file_name: image.file(sequence, target),
+                    svg: draw(image, sequence, target, title.clone())?,
+                    title,
+                });
+            }
         }
     }
     Ok(plots)
+}
+
+/// The images that there are of a sequence at one size.
+fn images(target: &TargetEvaluation) -> Vec<Image> {
+    let mut images: Vec<Image> = Measure::ALL.map(Image::OverFrames).to_vec();
+    images.extend(DISTRIBUTIONS.map(Image::Distribution));
+    images.push(Image::Persistence);
+    if has_pictures(target) {
+        images.extend([Image::ContactSheet, Image::HeatMap]);
+    }
+    images
+}
+
+/// Whether there are pictures of the results, and not plots alone.
+pub(super) fn has_pictures(target: &TargetEvaluation) -> bool {
+    target.runs.iter().all(|run| !run.snapshots.is_empty())
 }
 
 /// The kinds of distance whose distribution is plotted.
@@ -44,15 +79,65 @@ pub(super) const DISTRIBUTIONS: [Measure; 2] = [Measure::Surface, Measure::Sampl
 /// Below this share, in percent, a curve is flat for decades: it is not drawn.
 const SMALLEST_SHARE: f64 = 1.0;
 
-/// The file of the plot over the frames.
-pub(super) fn over_frames_file(target: &TargetEvaluation, measure: Measure) -> String {
-    format!("{}-{}.svg", file_word(measure), target.target_faces)
+impl Image {
+    /// What it shows, at this size.
+    pub fn title(self, target: Target) -> String {
+        match self {
+            Self::OverFrames(measure) => format!("{}, {target}", title(measure)),
+            Self::Distribution(measure) => {
+                format!("{}, {target}: cumulative distribution", title(measure))
+            }
+            Self::Persistence => format!("What comes back from the frame before, {target}"),
+            Self::ContactSheet => format!("Consecutive frames, {target}"),
+            Self::HeatMap => format!("Distances to the two frames, {target}"),
+        }
+    }
+
+    /// The name of its file.
+    pub fn file(self, sequence: &Sequence, target: &TargetEvaluation) -> String {
+        let word = match self {
+            Self::OverFrames(measure) => file_word(measure).to_owned(),
+            Self::Distribution(measure) => format!("{}-distribution", file_word(measure)),
+            Self::Persistence => "persistence".to_owned(),
+            Self::ContactSheet => "contact-sheet".to_owned(),
+            Self::HeatMap => "heat-map".to_owned(),
+        };
+        let size = match (target.target.target_faces, target.target.target_ratio) {
+            (None, Some(ratio)) => format!("{}-percent", percent(ratio)),
+            (faces, _) => faces.unwrap_or(0).to_string(),
+        };
+        format!("{}-{size}-{word}.svg", file_words(&sequence.name))
+    }
 }
 
-/// The file of the plot of the distribution.
-pub(super) fn distribution_file(target: &TargetEvaluation, measure: Measure) -> String {
-    let word = file_word(measure);
-    format!("{word}-distribution-{}.svg", target.target_faces)
+/// `name` as part of a file's name that needs no quotes anywhere; never empty.
+#[must_use]
+pub fn file_words(name: &str) -> String {
+    let allowed = |c: char| c.is_ascii_alphanumeric() || "._-".contains(c);
+    let words: Vec<String> = name
+        .split(|c| !allowed(c))
+        .filter(|word| !word.is_empty())
+        .map(str::to_owned)
+        .collect();
+    if words.is_empty() {
+        return "sequence".to_owned();
+    }
+    words.join("-")
+}
+
+fn draw(
+    image: Image,
+    sequence: &Sequence,
+    target: &TargetEvaluation,
+    title: String,
+) -> Result<String, PlotFailed> {
+    match image {
+        Image::OverFrames(measure) => svg(&over_frames(sequence, target, measure, title)),
+        Image::Distribution(measure) => svg(&distribution(target, measure, title)),
+        Image::Persistence => svg(&persistence(target, title)),
+        Image::ContactSheet => Ok(pictures::contact_sheet(target)),
+        Image::HeatMap => Ok(pictures::heat_map(target)),
+    }
 }
 
 /// What a kind of distance is called in titles.
@@ -74,16 +159,13 @@ fn file_word(measure: Measure) -> &'static str {
     }
 }
 
-fn plot(file_name: String, chart: &Chart) -> Result<Plot, PlotFailed> {
-    Ok(Plot {
-        file_name,
-        title: chart.title.clone(),
-        svg: svg(chart)?,
-    })
-}
-
-fn over_frames(evaluation: &Evaluation, target: &TargetEvaluation, measure: Measure) -> Chart {
-    let diagonals = || evaluation.pairs.iter().map(|pair| pair.bbox_diagonal);
+fn over_frames(
+    sequence: &Sequence,
+    target: &TargetEvaluation,
+    measure: Measure,
+    title: String,
+) -> Chart {
+    let diagonals = || sequence.pairs.iter().map(|pair| pair.bbox_diagonal);
     let lines = lines(target, |run| {
         let mut points: ByFrame<Vec<(f64, f64)>> = ByFrame {
             previous: Some(Vec::new()),
@@ -102,14 +184,14 @@ fn over_frames(evaluation: &Evaluation, target: &TargetEvaluation, measure: Meas
         points
     });
     Chart {
-        title: format!("{}, {} faces", title(measure), target.target_faces),
+        title,
         x: ("frame k", Scale::Counting),
         y: "mean, % of the diagonal",
         lines,
     }
 }
 
-fn distribution(target: &TargetEvaluation, measure: Measure) -> Chart {
+fn distribution(target: &TargetEvaluation, measure: Measure, title: String) -> Chart {
     let lines = lines(target, |run| {
         run.distribution.get(measure).map(|points| {
             let percent = points
@@ -120,13 +202,41 @@ fn distribution(target: &TargetEvaluation, measure: Measure) -> Chart {
         })
     });
     Chart {
-        title: format!(
-            "{}, {} faces: cumulative distribution",
-            title(measure),
-            target.target_faces
-        ),
+        title,
         x: ("distance, % of the diagonal", Scale::Logarithmic),
         y: "share not above it, %",
+        lines,
+    }
+}
+
+/// A share of what comes back.
+type Share = fn(&Consistency) -> f64;
+
+/// Vertices solid, edges dashed.
+fn persistence(target: &TargetEvaluation, title: String) -> Chart {
+    let mut lines = Vec::new();
+    let shares: [(&str, Share); 2] = [
+        ("vertices", |c| c.vertex_persistence),
+        ("edges", |c| c.edge_persistence),
+    ];
+    for run in &target.runs {
+        for (index, (what, share)) in shares.into_iter().enumerate() {
+            let point = |output: &Output| {
+                let consistency = output.consistency.as_ref()?;
+                Some((output.seq as f64, 100.0 * share(consistency)))
+            };
+            lines.push(Line {
+                name: format!("{}, {what}", name(run.tracking)),
+                color: color(run.tracking),
+                is_dashed: index == 1,
+                points: run.outputs.iter().filter_map(point).collect(),
+            });
+        }
+    }
+    Chart {
+        title,
+        x: ("frame k", Scale::Counting),
+        y: "share, %",
         lines,
     }
 }

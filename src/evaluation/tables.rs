@@ -4,9 +4,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use steadymesh_proto::metrics::{Statistics, Tracking};
 
 use super::published::{Indicators, PublishedTable};
-use super::results::{
-    ByFrame, Change, Evaluation, Measure, Output, Run, Summary, TargetEvaluation,
-};
+use super::results::{ByFrame, Change, Measure, Output, Run, Sequence, Summary, TargetEvaluation};
 
 /// Where a table is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,8 +25,8 @@ pub(super) fn name(tracking: Tracking) -> &'static str {
 }
 
 /// The distances of a target's runs: for each of the two frames one row a run and one row for
-/// its change. "Ave %" and "RMSE %" are in percent of the diagonal. With the paper's figures if `published` has
-/// any.
+/// its change. "Ave %" and "RMSE %" are in percent of the diagonal. With the paper's figures if
+/// `published` has any.
 pub(super) fn distances(
     target: &TargetEvaluation,
     (measure, is_best): (Measure, bool),
@@ -109,13 +107,13 @@ pub(super) fn sizes(target: &TargetEvaluation, medium: Medium) -> String {
 }
 
 /// How well each pair was registered.
-pub(super) fn registrations(evaluation: &Evaluation, medium: Medium) -> String {
+pub(super) fn registrations(sequence: &Sequence, medium: Medium) -> String {
     let header = [
         "frame k", "file", "faces", "diagonal", "mean", "RMS", "95 %", "max", "nodes", "rounds",
     ];
     let mut table = table(&header, 2, medium);
-    for pair in &evaluation.pairs {
-        let file = evaluation.frames.get(pair.seq as usize);
+    for pair in &sequence.pairs {
+        let file = sequence.frames.get(pair.seq as usize);
         let mut row = vec![
             pair.seq.to_string(),
             file.cloned().unwrap_or_default(),
@@ -130,36 +128,6 @@ pub(super) fn registrations(evaluation: &Evaluation, medium: Medium) -> String {
             row.push(registration.iterations.to_string());
         } else {
             row.extend(pair.registration_error.clone());
-        }
-        table.add_row(row);
-    }
-    table.trim_fmt()
-}
-
-/// The mean distances of each pair, in percent of the diagonal.
-pub(super) fn pairs(
-    evaluation: &Evaluation,
-    target: &TargetEvaluation,
-    measure: Measure,
-    medium: Medium,
-) -> String {
-    let mut header = vec!["frame k".to_owned()];
-    for mesh in ["(k-1)-th", "k-th"] {
-        let runs = target.runs.iter();
-        header.extend(runs.map(|run| format!("{mesh}, {}", name(run.tracking))));
-    }
-    let mut table = table(&header, 1, medium);
-    for (index, pair) in evaluation.pairs.iter().enumerate() {
-        let mut row = vec![pair.seq.to_string()];
-        for is_previous in [true, false] {
-            for run in &target.runs {
-                let distances = run.outputs[index].distances.as_ref();
-                let statistics = distances.and_then(|d| side(d.get(measure), is_previous));
-                row.push(statistics.map_or_else(
-                    || "-".to_owned(),
-                    |s| four_digits(100.0 * s.mean / pair.bbox_diagonal),
-                ));
-            }
         }
         table.add_row(row);
     }
@@ -184,7 +152,7 @@ fn found(run: &Run, measure: Measure, is_best: bool) -> Option<Found<'_>> {
     } else {
         Found {
             best_seq: None,
-            summary: run.average.as_ref()?.get(measure),
+            summary: run.average.as_ref()?.distances.get(measure),
             change: run.average_change_percent.as_ref().map(|c| c.get(measure)),
         }
     })
@@ -256,7 +224,7 @@ fn published_rows(mesh: &str, original: &Indicators, tracked: &Indicators) -> Ve
 }
 
 /// An empty table whose first `text_columns` are text, and the others numbers.
-fn table<T: ToString>(header: &[T], text_columns: usize, medium: Medium) -> Table {
+pub(super) fn table<T: ToString>(header: &[T], text_columns: usize, medium: Medium) -> Table {
     let mut table = Table::new();
     table.load_style(match medium {
         Medium::Terminal => presets::NOTHING,
@@ -274,7 +242,7 @@ fn mean(outputs: &[Output], of: fn(&Output) -> f64) -> f64 {
 }
 
 /// `value` with four valid digits, as in the paper's tables.
-fn four_digits(value: f64) -> String {
+pub(super) fn four_digits(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }

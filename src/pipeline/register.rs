@@ -46,6 +46,12 @@ pub struct CarriedOutput {
 }
 
 impl CarriedOutput {
+    /// The result at its carried positions; none if one of them is not finite.
+    #[must_use]
+    pub fn mesh(&self) -> Option<&TriangleMesh> {
+        self.mesh.as_ref()
+    }
+
     /// What of it is found again in `output`; none if there is nothing to compare.
     #[must_use]
     pub fn consistency(&self, output: &TriangleMesh) -> Option<metrics::Consistency> {

@@ -9,7 +9,7 @@ use prometheus::{
     IntGaugeVec, Opts, Registry,
 };
 use steadymesh_proto::FrameMetrics;
-use steadymesh_proto::metrics::{DistancePair, Quality, StageTimes};
+use steadymesh_proto::metrics::{Consistency, DistancePair, Quality, StageTimes};
 
 /// Around the 33 ms that a frame has at 30 frames per second, in seconds.
 const STAGE_BUCKETS: &[f64] = &[
@@ -41,6 +41,9 @@ pub(super) struct Families {
     surface_distance: GaugeVec,
     vertex_distance: GaugeVec,
     residual: GaugeVec,
+    vertex_persistence: GaugeVec,
+    edge_persistence: GaugeVec,
+    flicker: GaugeVec,
 }
 
 impl Families {
@@ -135,6 +138,23 @@ impl Families {
                  as a share of the bounding-box diagonal.",
                 of_stream,
             )?,
+            vertex_persistence: gauge(
+                "vertex_persistence_ratio",
+                "Share of the newest frame's vertices that were there in the frame before, carried \
+                 along by the registration.",
+                of_stream,
+            )?,
+            edge_persistence: gauge(
+                "edge_persistence_ratio",
+                "Share of the previous frame's edges that are there again in the newest one.",
+                of_stream,
+            )?,
+            flicker: gauge(
+                "flicker_ratio",
+                "Mean distance of the newest frame's surface and the one before, carried along by \
+                 the registration, as a share of the bounding-box diagonal.",
+                of_stream,
+            )?,
         })
     }
 
@@ -173,7 +193,15 @@ impl Families {
                 family.remove_label_values(&[name, side]).ok();
             }
         }
-        self.residual.remove_label_values(&[name]).ok();
+        let of_stream = [
+            &self.residual,
+            &self.vertex_persistence,
+            &self.edge_persistence,
+            &self.flicker,
+        ];
+        for family in of_stream {
+            family.remove_label_values(&[name]).ok();
+        }
     }
 }
 
@@ -283,6 +311,9 @@ impl StreamMetrics {
             metrics.vertex_distance.as_ref(),
             diagonal,
         );
+        if let Some(consistency) = &metrics.consistency {
+            self.show_consistency(consistency, diagonal);
+        }
     }
 
     /// Counts a frame that was lost `after` it had arrived. It is in the histogram of
@@ -307,6 +338,24 @@ impl StreamMetrics {
             let series = family.with_label_values(&[name, "previous"]);
             set_ratio(&series, previous.mean, diagonal);
         }
+    }
+
+    fn show_consistency(&self, consistency: &Consistency, diagonal: f64) {
+        let of_stream = &[self.name.as_str()];
+        let Families {
+            vertex_persistence,
+            edge_persistence,
+            flicker,
+            ..
+        } = &self.families;
+        vertex_persistence
+            .with_label_values(of_stream)
+            .set(consistency.vertex_persistence);
+        edge_persistence
+            .with_label_values(of_stream)
+            .set(consistency.edge_persistence);
+        let flicker = flicker.with_label_values(of_stream);
+        set_ratio(&flicker, consistency.flicker, diagonal);
     }
 
     /// Whether no newer stream has this name.

@@ -30,6 +30,14 @@ async fn health_and_metrics_are_on_the_internal_listener_only() {
 #[tokio::test]
 async fn a_streams_series_are_there_while_it_lives() {
     let server = start().await;
+    let made = server
+        .client
+        .put(server.url("/v1/streams/demo"))
+        .json(&serde_json::json!({"tracking": "robust"}))
+        .send()
+        .await
+        .unwrap();
+    assert!(made.status().is_success());
     for body in frames(2) {
         server.publish("demo", body).await;
     }
@@ -52,6 +60,9 @@ async fn a_streams_series_are_there_while_it_lives() {
         "steadymesh_surface_distance_ratio{reference=\"previous\",stream=\"demo\"} 0.0",
         "steadymesh_vertex_distance_ratio{reference=\"current\",stream=\"demo\"} 0.0",
         "steadymesh_registration_residual_ratio{stream=\"demo\"} 0.0",
+        "steadymesh_vertex_persistence_ratio{stream=\"demo\"} 0.",
+        "steadymesh_edge_persistence_ratio{stream=\"demo\"} 0.",
+        "steadymesh_flicker_ratio{stream=\"demo\"} 0.0",
         "steadymesh_build_info{version=",
         "process_resident_memory_bytes ",
     ] {

@@ -31,7 +31,8 @@ export function frameRate(perSecond: number): string {
 /** With as many decimals as small distances need. */
 export function percent(value: number | null): string {
   if (value === null) return UNKNOWN;
-  return `${value < 0.1 ? value.toFixed(4) : value.toFixed(3)} %`;
+  const decimals = value < 0.1 ? 4 : value < 10 ? 3 : 1;
+  return `${value.toFixed(decimals)} %`;
 }
 
 function scaled(value: number | null, units: [string, ...string[]]): string {

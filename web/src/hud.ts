@@ -33,10 +33,12 @@ export interface Numbers {
   endToEndUs: number | null;
   /** By the server and by this page together. */
   skipped: number;
-  /** Percent of the bounding-box diagonal. */
-  previousPercent: number | null;
-  currentPercent: number | null;
+  /** Of the newest shown frame. */
+  percents: Percents | null;
 }
+
+/** The plotted figures, in percent: distances of the bounding-box diagonal, shares of the whole. */
+export type Percents = Record<"previous" | "current" | "vertices" | "edges", number | null>;
 
 const STATS = [
   ["fps", "Frame rate"],
@@ -59,14 +61,20 @@ interface StatView {
 
 export class Hud {
   readonly viewCanvas = element("canvas", { className: "view-canvas", tabIndex: 0 });
-  readonly plotCanvas = element("canvas", { className: "plot-canvas" });
+  readonly distanceCanvas = element("canvas", { className: "plot-canvas" });
+  readonly persistenceCanvas = element("canvas", { className: "plot-canvas" });
 
   private readonly statusText = element("span");
   private readonly statusDetail = element("span", { ariaHidden: "true", className: "detail" });
   private readonly pill = element("p", { className: "pill", role: "status" }, [this.statusText]);
   private readonly message = element("p", { className: "message" });
   private readonly stats = new Map<StatName, StatView>();
-  private readonly legend = { previous: element("output"), current: element("output") };
+  private readonly legend: Record<keyof Percents, HTMLOutputElement> = {
+    previous: element("output"),
+    current: element("output"),
+    vertices: element("output"),
+    edges: element("output"),
+  };
   private readonly stageBar = new StageBar();
   private readonly toggles = new Map<Toggle, HTMLButtonElement>();
 
@@ -141,8 +149,9 @@ export class Hud {
     this.set("seq", format.count(metrics?.seq ?? null), [
       `${format.count(numbers.skipped)} skipped`,
     ]);
-    setText(this.legend.previous, format.percent(numbers.previousPercent));
-    setText(this.legend.current, format.percent(numbers.currentPercent));
+    for (const series of Object.keys(this.legend) as (keyof Percents)[]) {
+      setText(this.legend[series], format.percent(numbers.percents?.[series] ?? null));
+    }
     this.stageBar.update(metrics?.stages ?? []);
   }
 
@@ -194,29 +203,52 @@ export class Hud {
     }
     return element("aside", { className: "panel", ariaLabel: "Measurements" }, [
       list,
-      this.buildPlotCard(),
+      this.buildDistanceCard(),
+      this.buildPersistenceCard(),
       this.stageBar.root,
     ]);
   }
 
-  private buildPlotCard(): HTMLElement {
-    this.plotCanvas.setAttribute("role", "img");
-    this.plotCanvas.ariaLabel =
+  private buildDistanceCard(): HTMLElement {
+    this.distanceCanvas.ariaLabel =
       "Mean surface distance over the last 150 frames, as the legend above says for the newest";
-    const entry = (series: "previous" | "current", label: string) => {
+    return this.buildPlotCard(
+      "Surface distance",
+      "mean, % of the bounding-box diagonal",
+      { previous: "to the previous frame, registered", current: "to the current frame" },
+      this.distanceCanvas,
+    );
+  }
+
+  private buildPersistenceCard(): HTMLElement {
+    this.persistenceCanvas.ariaLabel =
+      "Persistence over the last 150 frames, as the legend above says for the newest";
+    return this.buildPlotCard(
+      "Persistence",
+      "what comes back of the previous mesh, %",
+      { vertices: "vertices that were there before", edges: "edges that are there again" },
+      this.persistenceCanvas,
+    );
+  }
+
+  private buildPlotCard(
+    title: string,
+    unit: string,
+    labels: Partial<Record<keyof Percents, string>>,
+    canvas: HTMLCanvasElement,
+  ): HTMLElement {
+    canvas.setAttribute("role", "img");
+    const entries = (Object.keys(labels) as (keyof Percents)[]).map((series) => {
       const swatch = element("span", { className: "swatch", ariaHidden: "true" });
-      const item = element("li", {}, [swatch, label, this.legend[series]]);
+      const item = element("li", {}, [swatch, labels[series] ?? "", this.legend[series]]);
       item.dataset.series = series;
       return item;
-    };
+    });
     return element("section", { className: "card" }, [
-      element("h2", {}, ["Surface distance"]),
-      element("p", { className: "unit" }, ["mean, % of the bounding-box diagonal"]),
-      element("ul", { className: "legend" }, [
-        entry("previous", "to the previous frame, registered"),
-        entry("current", "to the current frame"),
-      ]),
-      this.plotCanvas,
+      element("h2", {}, [title]),
+      element("p", { className: "unit" }, [unit]),
+      element("ul", { className: "legend" }, entries),
+      canvas,
     ]);
   }
 

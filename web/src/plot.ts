@@ -1,10 +1,9 @@
-/** A small plot over the last frames: two distances in percent of the bounding-box diagonal. */
+/** A small plot over the last frames: some figures in percent. */
 
-export interface PlotSample {
+export interface PlotSample<Series extends string> {
   seq: number | null;
-  /** Percent of the diagonal; `null` where there is nothing to compare with. */
-  previous: number | null;
-  current: number | null;
+  /** Percent; `null` where there is nothing to compare with. */
+  values: Record<Series, number | null>;
 }
 
 export const PLOT_FRAMES = 150;
@@ -27,24 +26,27 @@ export function ticksUpTo(highest: number): number[] {
   return Array.from({ length: steps + 1 }, (_, i) => Number((i * step).toPrecision(12)));
 }
 
-export class Plot {
-  private samples: PlotSample[] = [];
+/** Each series has the colour of the style sheet's variable of its name. */
+export class Plot<Series extends string> {
+  private samples: PlotSample<Series>[] = [];
   private scheduled = false;
-  private readonly colors: { previous: string; current: string; grid: string; text: string };
+  private readonly lines: { series: Series; color: string }[];
+  private readonly grid: string;
+  private readonly text: string;
 
-  constructor(private readonly canvas: HTMLCanvasElement) {
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    series: readonly Series[],
+  ) {
     const style = getComputedStyle(document.documentElement);
-    const color = (name: string) => style.getPropertyValue(name).trim();
-    this.colors = {
-      previous: color("--previous"),
-      current: color("--current"),
-      grid: color("--line"),
-      text: color("--muted"),
-    };
+    const color = (name: string) => style.getPropertyValue(`--${name}`).trim();
+    this.lines = series.map((name) => ({ series: name, color: color(name) }));
+    this.grid = color("line");
+    this.text = color("muted");
     new ResizeObserver(() => this.schedule()).observe(canvas);
   }
 
-  add(sample: PlotSample): void {
+  add(sample: PlotSample<Series>): void {
     this.samples.push(sample);
     if (this.samples.length > PLOT_FRAMES) this.samples.shift();
     this.schedule();
@@ -74,7 +76,7 @@ export class Plot {
     this.canvas.height = Math.round(height * ratio);
     context.scale(ratio, ratio);
     const values = this.samples.flatMap((sample) =>
-      [sample.previous, sample.current].filter((value) => value !== null),
+      this.lines.map(({ series }) => sample.values[series]).filter((value) => value !== null),
     );
     const ticks = ticksUpTo(Math.max(0, ...values));
     const area = {
@@ -89,9 +91,7 @@ export class Plot {
     // The newest frame is at the right edge from the first one on.
     const step = (area.right - area.left) / (PLOT_FRAMES - 1);
     const xOf = (index: number) => area.right - (this.samples.length - 1 - index) * step;
-    for (const series of ["previous", "current"] as const) {
-      this.drawLine(context, series, xOf, yOf);
-    }
+    for (const line of this.lines) this.drawLine(context, line, xOf, yOf);
   }
 
   private drawAxes(
@@ -101,8 +101,8 @@ export class Plot {
     yOf: (value: number) => number,
   ): void {
     context.font = "11px system-ui, sans-serif";
-    context.fillStyle = this.colors.text;
-    context.strokeStyle = this.colors.grid;
+    context.fillStyle = this.text;
+    context.strokeStyle = this.grid;
     context.lineWidth = 1;
     context.textBaseline = "middle";
     context.textAlign = "right";
@@ -124,14 +124,14 @@ export class Plot {
   /** One line, interrupted where a frame has no value. */
   private drawLine(
     context: CanvasRenderingContext2D,
-    series: "previous" | "current",
+    { series, color }: { series: Series; color: string },
     xOf: (index: number) => number,
     yOf: (value: number) => number,
   ): void {
     context.beginPath();
     let last: { x: number; y: number } | null = null;
     this.samples.forEach((sample, index) => {
-      const value = sample[series];
+      const value = sample.values[series];
       if (value === null) {
         last = null;
         return;
@@ -141,7 +141,7 @@ export class Plot {
       else context.lineTo(point.x, point.y);
       last = point;
     });
-    context.strokeStyle = context.fillStyle = this.colors[series];
+    context.strokeStyle = context.fillStyle = color;
     context.lineWidth = 1.75;
     context.lineJoin = "round";
     context.stroke();

@@ -26,6 +26,13 @@ export interface DistancePair {
   current: DistanceStatistics | null;
 }
 
+/** What has come back of the previous frame's result; `null` without a registration. */
+export interface Consistency {
+  /** Shares from 0 to 1. */
+  vertexPersistence: number | null;
+  edgePersistence: number | null;
+}
+
 export interface MeshSize {
   vertices: number | null;
   faces: number | null;
@@ -40,6 +47,7 @@ export interface FrameMetrics {
   input: MeshSize;
   output: MeshSize;
   surfaceDistance: DistancePair;
+  consistency: Consistency;
   /** In the mesh's own unit. */
   bboxDiagonal: number | null;
   /** Time of each pipeline stage, in the server's order. */
@@ -117,6 +125,7 @@ export function parseFrame(message: ArrayBuffer): Frame {
 export function parseMetrics(json: unknown): FrameMetrics {
   const metrics = asRecord(json);
   const stages = asRecord(metrics.stage_us);
+  const consistency = asRecord(metrics.consistency);
   return {
     seq: asNumber(metrics.seq),
     captureTimeUs: asNumber(metrics.capture_time_us),
@@ -126,6 +135,10 @@ export function parseMetrics(json: unknown): FrameMetrics {
     surfaceDistance: {
       previous: parseStatistics(asRecord(metrics.surface_distance).previous),
       current: parseStatistics(asRecord(metrics.surface_distance).current),
+    },
+    consistency: {
+      vertexPersistence: asNumber(consistency.vertex_persistence),
+      edgePersistence: asNumber(consistency.edge_persistence),
     },
     bboxDiagonal: asNumber(metrics.bbox_diagonal),
     stages: Object.entries(stages).flatMap(([name, value]) => {
@@ -192,6 +205,11 @@ export function percentOfDiagonal(
 ): number | null {
   if (distance === null || diagonal === null || diagonal <= 0) return null;
   return (distance.mean / diagonal) * 100;
+}
+
+/** A share from 0 to 1 as a percentage, where it is known. */
+export function percentOfShare(share: number | null): number | null {
+  return share === null ? null : share * 100;
 }
 
 /** No clock that is roughly right is further off than this. */

@@ -5,14 +5,16 @@
  */
 
 import { MeshDecoder } from "./decoder";
-import { Hud, type Numbers, type Status } from "./hud";
+import { Hud, type Numbers, type Percents, type Status } from "./hud";
 import { NewestWins } from "./newest";
 import { Plot } from "./plot";
 import {
   type ControlMessage,
   endToEndUs,
   type Frame,
+  type FrameMetrics,
   percentOfDiagonal,
+  percentOfShare,
   type StreamConfig,
 } from "./protocol";
 import { RateMeter } from "./rate";
@@ -30,7 +32,8 @@ export function watch(root: HTMLElement, stream: string, parameters: URLSearchPa
 
 class WatchPage {
   private readonly hud: Hud;
-  private readonly plot: Plot;
+  private readonly distances: Plot<"previous" | "current">;
+  private readonly persistence: Plot<"vertices" | "edges">;
   private readonly viewer: Viewer | null;
   private readonly decoder = new MeshDecoder();
   private readonly queue = new NewestWins<Frame>((frame) => this.show(frame));
@@ -60,7 +63,8 @@ class WatchPage {
       },
       onReset: () => this.viewer?.resetView(),
     });
-    this.plot = new Plot(this.hud.plotCanvas);
+    this.distances = new Plot(this.hud.distanceCanvas, ["previous", "current"]);
+    this.persistence = new Plot(this.hud.persistenceCanvas, ["vertices", "edges"]);
     this.viewer = this.createViewer();
     this.subscription = new Subscription(stream, {
       onState: (state) => this.onState(state),
@@ -93,7 +97,9 @@ class WatchPage {
   private onState(state: ConnectionState): void {
     const left = this.state.kind === "open" && state.kind !== "open";
     if (left && this.newest !== null) {
-      this.plot.add({ seq: this.newest.frame.metrics.seq, previous: null, current: null });
+      const { seq } = this.newest.frame.metrics;
+      this.distances.add({ seq, values: { previous: null, current: null } });
+      this.persistence.add({ seq, values: { vertices: null, edges: null } });
     }
     if (state.kind === "absent") this.refit = true;
     if (state.kind !== "open") this.received.clear();
@@ -110,12 +116,10 @@ class WatchPage {
     this.lastFrameAtMs = performance.now();
     this.received.add(this.lastFrameAtMs, frame.messageBytes);
     if (!this.hud.isOn("pause")) {
-      const { surfaceDistance, bboxDiagonal, seq } = frame.metrics;
-      this.plot.add({
-        seq,
-        previous: percentOfDiagonal(surfaceDistance.previous, bboxDiagonal),
-        current: percentOfDiagonal(surfaceDistance.current, bboxDiagonal),
-      });
+      const { seq } = frame.metrics;
+      const { previous, current, vertices, edges } = percents(frame.metrics);
+      this.distances.add({ seq, values: { previous, current } });
+      this.persistence.add({ seq, values: { vertices, edges } });
     }
     this.queue.offer(frame);
   }
@@ -154,7 +158,6 @@ class WatchPage {
     const nowMs = performance.now();
     const metrics = this.newest?.frame.metrics ?? null;
     const rates = this.received.measure(nowMs);
-    const { surfaceDistance, bboxDiagonal } = metrics ?? {};
     return {
       metrics,
       config: this.config,
@@ -164,8 +167,7 @@ class WatchPage {
       shownPerSecond: this.shown.measure(nowMs).perSecond,
       endToEndUs: this.newest?.endToEndUs ?? null,
       skipped: this.skippedByServer + this.queue.skipped,
-      previousPercent: percentOfDiagonal(surfaceDistance?.previous ?? null, bboxDiagonal ?? null),
-      currentPercent: percentOfDiagonal(surfaceDistance?.current ?? null, bboxDiagonal ?? null),
+      percents: metrics === null ? null : percents(metrics),
     };
   }
 
@@ -205,6 +207,16 @@ class WatchPage {
     if (this.newest !== null) return null;
     return this.state.kind === "open" ? "Waiting for the first frame…" : "Connecting…";
   }
+}
+
+/** What the plots show of a frame. */
+function percents({ surfaceDistance, consistency, bboxDiagonal }: FrameMetrics): Percents {
+  return {
+    previous: percentOfDiagonal(surfaceDistance.previous, bboxDiagonal),
+    current: percentOfDiagonal(surfaceDistance.current, bboxDiagonal),
+    vertices: percentOfShare(consistency.vertexPersistence),
+    edges: percentOfShare(consistency.edgePersistence),
+  };
 }
 
 function describe(error: unknown): string {

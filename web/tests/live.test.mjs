@@ -87,23 +87,31 @@ test("the numbers are shown with their units", async () => {
   assert.match(await stat("faces"), /^[\d,]+$/);
 });
 
-test("the plot has a line for each of the two distances", async () => {
-  const counts = await page.locator(".plot-canvas").evaluate((canvas) => {
-    const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+test("the plots have a line for each distance and for each kind of persistence", async () => {
+  const counts = await page.locator(".plot-canvas").evaluateAll((canvases) => {
     const style = getComputedStyle(document.documentElement);
-    return ["--previous", "--current"].map((name) => {
-      const color = Number.parseInt(style.getPropertyValue(name).trim().slice(1), 16);
-      const wanted = [color >> 16, (color >> 8) & 255, color & 255];
-      let count = 0;
-      for (let i = 0; i < data.length; i += 4) {
-        if (wanted.every((value, channel) => Math.abs(data[i + channel] - value) < 32)) count += 1;
-      }
-      return count;
+    const names = [
+      ["--previous", "--current"],
+      ["--vertices", "--edges"],
+    ];
+    return canvases.flatMap((canvas, plot) => {
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      return names[plot].map((name) => {
+        const color = Number.parseInt(style.getPropertyValue(name).trim().slice(1), 16);
+        const wanted = [color >> 16, (color >> 8) & 255, color & 255];
+        let count = 0;
+        for (let i = 0; i < data.length; i += 4) {
+          if (wanted.every((value, channel) => Math.abs(data[i + channel] - value) < 32))
+            count += 1;
+        }
+        return count;
+      });
     });
   });
+  assert.equal(counts.length, 4);
   assert.ok(
     counts.every((count) => count > 10),
-    `${counts} pixels of the two lines`,
+    `${counts} pixels of the four lines`,
   );
 });
 
@@ -162,6 +170,9 @@ async function startStream() {
   ]);
   await untilReady(`http://127.0.0.1:${internal}/readyz`, server);
   const url = `http://127.0.0.1:${api}/v1/streams/demo`;
+  // The mode that says what has come back of the frame before.
+  const made = await fetch(url, { method: "PUT", body: '{"tracking": "robust"}' });
+  assert.ok(made.ok, `the stream was not made: ${made.status}`);
   publisher = start(["publish", url, "--synthetic", "--fps", "10", "--loop"]);
 }
 

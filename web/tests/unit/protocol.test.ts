@@ -8,6 +8,7 @@ import {
   parseMetrics,
   parseStreamList,
   percentOfDiagonal,
+  percentOfShare,
 } from "../../src/protocol";
 
 const MESH = [0x44, 0x52, 0x41, 0x43, 0x4f];
@@ -63,12 +64,14 @@ describe("metrics", () => {
       input: { vertices: 4, faces: 3, bytes: 2 },
       output: { vertices: 3, faces: 2, bytes: 1 },
       surface_distance: { previous: { mean: 0.5, max: 2 }, current: { mean: 0.25, max: 1 } },
+      consistency: { vertex_persistence: 0.75, edge_persistence: 0.5, flicker: 0.1 },
       bbox_diagonal: 50,
       stage_us: { parse: 10, encode: 20 },
       latency_us: 99,
       something_new: true,
     });
     expect(metrics.surfaceDistance.previous).toEqual({ mean: 0.5, max: 2 });
+    expect(metrics.consistency).toEqual({ vertexPersistence: 0.75, edgePersistence: 0.5 });
     expect(metrics.stages).toEqual([
       { name: "parse", us: 10 },
       { name: "encode", us: 20 },
@@ -81,6 +84,7 @@ describe("metrics", () => {
     (json) => {
       const metrics = parseMetrics(json);
       expect(metrics.surfaceDistance).toEqual({ previous: null, current: null });
+      expect(metrics.consistency).toEqual({ vertexPersistence: null, edgePersistence: null });
       expect(metrics.stages).toEqual([]);
       expect(metrics.input.faces).toBeNull();
     },
@@ -90,6 +94,11 @@ describe("metrics", () => {
     expect(percentOfDiagonal({ mean: 0.5, max: null }, 50)).toBe(1);
     expect(percentOfDiagonal({ mean: 0.5, max: null }, 0)).toBeNull();
     expect(percentOfDiagonal(null, 50)).toBeNull();
+  });
+
+  test("give shares in percent", () => {
+    expect(percentOfShare(0.25)).toBe(25);
+    expect(percentOfShare(null)).toBeNull();
   });
 });
 

@@ -18,6 +18,18 @@ pub struct Consistency {
     pub flicker: f64,
 }
 
+/// Which parts of a mesh were there before.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Persistence {
+    /// Of each vertex of the next result: whether it is within a tenth of its mean edge of a
+    /// carried one.
+    pub vertices: Vec<bool>,
+    /// The edges of the next result, ascending, and whether each is a carried edge found again.
+    pub edges: Vec<(Edge, bool)>,
+    /// The share of the carried edges that were found again, 0 to 1. Several may have become one.
+    pub found_edge_share: f64,
+}
+
 /// A vertex persists within this share of the mean edge.
 const PERSISTENCE_RADIUS: f64 = 0.1;
 
@@ -27,36 +39,53 @@ const PERSISTENCE_RADIUS: f64 = 0.1;
 #[must_use]
 pub fn consistency(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Consistency> {
     let (carried_surface, next_surface) = (TriangleTree::new(carried)?, TriangleTree::new(next)?);
-    let carried_vertices = VertexTree::new(carried.positions())?;
-    let radius = PERSISTENCE_RADIUS * mean_edge(next);
-    let persists = |vertex: &&Point| carried_vertices.nearest(vertex).1 <= radius;
-    let persisting = next.positions().iter().filter(persists).count();
+    let persistence = persistence(carried, next)?;
+    let persisting = persistence.vertices.iter().filter(|persists| **persists);
     let to_next = mean_distance(carried, &next_surface);
     let to_carried = mean_distance(next, &carried_surface);
     Some(Consistency {
-        vertex_persistence: persisting as f64 / next.vertex_count() as f64,
-        edge_persistence: edge_persistence(carried, next)?,
+        vertex_persistence: persisting.count() as f64 / next.vertex_count() as f64,
+        edge_persistence: persistence.found_edge_share,
         flicker: (to_next + to_carried) / 2.0,
     })
 }
 
-fn edge_persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<f64> {
-    let vertices = VertexTree::new(next.positions())?;
+/// Finds `carried`, the previous result at its carried positions, again in `next`.
+///
+/// `None` if one of them has no faces.
+#[must_use]
+pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persistence> {
+    let carried_vertices = VertexTree::new(carried.positions())?;
+    let radius = PERSISTENCE_RADIUS * mean_edge(next);
+    let persists = |vertex: &Point| carried_vertices.nearest(vertex).1 <= radius;
+    let vertices = next.positions().iter().map(persists).collect();
+
+    let next_vertices = VertexTree::new(next.positions())?;
     let matches: Vec<u32> = carried
         .positions()
         .iter()
-        .map(|vertex| vertices.nearest(vertex).0)
+        .map(|vertex| next_vertices.nearest(vertex).0)
         .collect();
-    let edges_of = |mesh: &TriangleMesh| -> Vec<Edge> {
-        let table = EdgeTable::of(mesh.faces());
-        table.iter().map(|(edge, _)| edge).collect()
-    };
-    let (before, after) = (edges_of(carried), edges_of(next));
-    let is_found = |edge: &&Edge| {
+    let before = EdgeTable::of(carried.faces());
+    let table = EdgeTable::of(next.faces());
+    let mut edges: Vec<(Edge, bool)> = table.iter().map(|(edge, _)| (edge, false)).collect();
+    let (mut found, mut count) = (0, 0);
+    for (edge, _) in before.iter() {
+        count += 1;
         let (a, b) = (matches[edge.0 as usize], matches[edge.1 as usize]);
-        a != b && after.binary_search(&Edge::new(a, b)).is_ok()
-    };
-    Some(before.iter().filter(is_found).count() as f64 / before.len() as f64)
+        if a == b {
+            continue;
+        }
+        if let Ok(place) = edges.binary_search_by_key(&Edge::new(a, b), |(edge, _)| *edge) {
+            edges[place].1 = true;
+            found += 1;
+        }
+    }
+    (0 < count).then(|| Persistence {
+        vertices,
+        edges,
+        found_edge_share: f64::from(found) / f64::from(count),
+    })
 }
 
 /// From the vertices and face centers of `from`.
@@ -112,5 +141,14 @@ mod tests {
         let found = consistency(&mesh, &lifted).unwrap();
         assert_eq!((found.vertex_persistence, found.flicker), (0.0, 0.5));
         assert_eq!(found.edge_persistence, 1.0);
+    }
+
+    #[test]
+    fn the_edge_that_was_flipped_is_the_one_that_was_not_there_before() {
+        let found = persistence(&square(false), &square(true)).unwrap();
+        assert_eq!(found.vertices, [true; 4]);
+        for (edge, was_there) in found.edges {
+            assert_eq!(was_there, edge != Edge::new(1, 3), "{edge:?}");
+        }
     }
 }

@@ -1,6 +1,15 @@
 //! Points spread evenly over a surface.
 
-use steadymesh_geometry::{Point, TriangleMesh};
+use crate::{Point, TriangleMesh};
+
+/// A point on a mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceSample {
+    /// Where it is.
+    pub position: Point,
+    /// The index of the face that it is on.
+    pub face: usize,
+}
 
 /// `count` points on `mesh`, as dense everywhere as anywhere else; none if it has no area.
 ///
@@ -13,7 +22,8 @@ use steadymesh_geometry::{Point, TriangleMesh};
 /// The map from the unit square to a triangle is Eq. 1 of Osada et al., "Shape Distributions",
 /// ACM TOG 21(4), 2002, <https://doi.org/10.1145/571647.571648>; the sequence is Roberts, "The
 /// Unreasonable Effectiveness of Quasirandom Sequences", 2018.
-pub(super) fn surface_samples(mesh: &TriangleMesh, count: usize) -> Vec<Point> {
+#[must_use]
+pub fn surface_samples(mesh: &TriangleMesh, count: usize) -> Vec<SurfaceSample> {
     let areas: Vec<f64> = (0..mesh.face_count())
         .map(|face| area(mesh.triangle(face)))
         .collect();
@@ -25,8 +35,8 @@ pub(super) fn surface_samples(mesh: &TriangleMesh, count: usize) -> Vec<Point> {
         // The comparison is never true for a total of 0 or one that is not a number.
         while samples.len() < count && (samples.len() as f64 + 0.5) * total < passed * count as f64
         {
-            let sample = on_triangle(mesh.triangle(face), r2(samples.len()));
-            samples.push(sample);
+            let position = on_triangle(mesh.triangle(face), r2(samples.len()));
+            samples.push(SurfaceSample { position, face });
         }
     }
     samples
@@ -65,8 +75,9 @@ mod tests {
     fn every_part_of_a_surface_gets_its_share_whatever_the_faces() {
         let samples = surface_samples(&rectangle(), 20_000);
         assert_eq!(samples.len(), 20_000);
+        let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
         for (column, row) in [(0, 0), (1, 1), (2, 0), (3, 1)] {
-            let inside = samples.iter().filter(|p| {
+            let inside = positions.iter().filter(|p| {
                 (p.x as usize).min(3) == column && (2.0 * p.y) as usize == row && p.z == 0.0
             });
             let share = inside.count() as f64 / samples.len() as f64;
@@ -78,7 +89,9 @@ mod tests {
     #[test]
     fn the_mean_over_the_samples_is_the_integral_over_the_surface() {
         let samples = surface_samples(&rectangle(), 20_000);
-        let mean = |of: fn(&Point) -> f64| samples.iter().map(of).sum::<f64>() / 20_000.0;
+        let positions = samples.iter().map(|sample| sample.position);
+        let positions: Vec<Point> = positions.collect();
+        let mean = |of: fn(&Point) -> f64| positions.iter().map(of).sum::<f64>() / 20_000.0;
         assert!((mean(|p| p.x) - 2.0).abs() < 1e-3);
         assert!((mean(|p| p.x * p.x) - 16.0 / 3.0).abs() < 4e-3);
         assert!((mean(|p| p.y) - 0.5).abs() < 1e-3);
@@ -88,5 +101,17 @@ mod tests {
     fn a_surface_without_area_has_no_samples() {
         let mesh = TriangleMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         assert!(surface_samples(&mesh, 100).is_empty());
+    }
+
+    #[test]
+    fn a_sample_is_on_the_face_that_it_names() {
+        let mesh = rectangle();
+        for sample in surface_samples(&mesh, 1000) {
+            let [a, b, c] = mesh.triangle(sample.face);
+            let area = |a: Point, b: Point, c: Point| area([a, b, c]);
+            let p = sample.position;
+            let parts = area(a, b, p) + area(b, c, p) + area(c, a, p);
+            assert!((parts - area(a, b, c)).abs() < 1e-12);
+        }
     }
 }
