@@ -18,7 +18,7 @@ mod stream;
 mod subscription;
 mod task;
 
-pub use history::{Delivered, Loss, Outcome};
+pub use history::{Delivered, HistoryLimits, Loss, Outcome};
 pub use intake::{Place, Refused, Submission, Ticket};
 pub use name::{InvalidStreamName, StreamName};
 pub use pattern::StreamPattern;
