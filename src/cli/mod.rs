@@ -9,6 +9,7 @@ mod frame_files;
 mod frame_source;
 mod health;
 mod http_publisher;
+mod open_files;
 mod output_files;
 mod progress;
 mod publish;
@@ -92,12 +93,9 @@ async fn interrupted() -> anyhow::Result<()> {
 }
 
 /// Says something to the person at the terminal.
-#[expect(
-    clippy::print_stderr,
-    reason = "standard error is where commands talk to people"
-)]
 fn say(message: &str) {
-    eprintln!("{message}");
+    // Unlike `eprintln!`, which panics, this goes on where nobody can be told: on a full disk.
+    writeln!(std::io::stderr(), "{message}").ok();
 }
 
 /// Says what is data: on standard output.

@@ -66,6 +66,9 @@ pub fn set_up(options: &Options) -> Result<(), NotSetUp> {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_ansi(std::io::stderr().is_terminal())
+        // A line that cannot be written, on a full disk say, is lost. Saying so on the same full
+        // disk would panic.
+        .log_internal_errors(false)
         .with_writer(std::io::stderr);
     let outcome = match options.format {
         Format::Text => subscriber.try_init(),
