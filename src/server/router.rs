@@ -14,7 +14,7 @@ use tracing::Span;
 
 use super::error::Problem;
 use super::{
-    App, access, control, description, frames, ingest, origin, player, publish, subscribe,
+    App, access, control, description, frames, host, ingest, origin, player, publish, subscribe,
 };
 
 /// Requests are numbered, so that the lines of one can be found.
@@ -51,6 +51,10 @@ pub(super) fn router(app: Arc<App>) -> Router {
             origin::check,
         ))
         .layer(origin::cors(Arc::clone(&app)))
+        .layer(middleware::from_fn_with_state(
+            Arc::clone(&app),
+            host::check,
+        ))
         .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
         .layer(CatchPanicLayer::custom(
             |_: Box<dyn std::any::Any + Send>| {
