@@ -55,10 +55,15 @@ impl StreamUrl {
         format!("{}watch/{}", self.server, self.name)
     }
 
-    /// An address under the stream's own, such as `frames`.
+    /// An address under the stream's own, such as `frames` or `publish?session=…`.
     pub fn under(&self, part: &str) -> Url {
+        let (path, query) = match part.split_once('?') {
+            Some((path, query)) => (path, Some(query)),
+            None => (part, None),
+        };
         let mut url = self.server.clone();
-        url.set_path(&format!("/v1/streams/{}/{part}", self.name));
+        url.set_path(&format!("/v1/streams/{}/{path}", self.name));
+        url.set_query(query);
         url
     }
 
@@ -71,6 +76,15 @@ impl StreamUrl {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_query_stays_a_query() {
+        let url = StreamUrl::parse("http://rig:8080/demo").unwrap();
+        assert_eq!(
+            url.websocket_under("publish?session=6f"),
+            "ws://rig:8080/v1/streams/demo/publish?session=6f"
+        );
+    }
 
     #[test]
     fn every_way_of_writing_a_streams_address_means_the_same() {

@@ -39,6 +39,7 @@ use axum_server::service::SendService;
 use axum_server::tls_rustls::{RustlsAcceptor, RustlsConfig};
 use hyper::body::Incoming;
 use serde::{Deserialize, Serialize};
+use socket2::{Domain, Socket, Type};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
@@ -51,6 +52,8 @@ use crate::telemetry::Telemetry;
 use auth::{Auth, Tickets};
 use connection::{ConnectionCap, Memory, Patience, Timed};
 
+/// Connections that may wait to be accepted; the system may allow fewer.
+const BACKLOG: i32 = 4096;
 /// Connections may take so long to end after the last stream has.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -314,9 +317,20 @@ fn cannot_use(files: &TlsOptions, reason: io::Error) -> NotStarted {
 
 fn bind(address: SocketAddr) -> Result<(TcpListener, SocketAddr), NotStarted> {
     let cannot = |reason| NotStarted::CannotListen { address, reason };
-    let listener = TcpListener::bind(address).map_err(cannot)?;
+    let listener = listen(address).map_err(cannot)?;
     let bound = listener.local_addr().map_err(cannot)?;
     Ok((listener, bound))
+}
+
+/// The standard library's listener lets few connections wait to be accepted: a flood of them
+/// would cost others seconds.
+fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = Socket::new(Domain::for_address(address), Type::STREAM, None)?;
+    // As the standard library does, so that a server can be started again at once.
+    socket.set_reuse_address(true)?;
+    socket.bind(&address.into())?;
+    socket.listen(BACKLOG)?;
+    Ok(socket.into())
 }
 
 fn serve<A>(

@@ -22,9 +22,12 @@ def main():
     kind, port, path = sys.argv[1:]
     server = types.SimpleNamespace(port=int(port))
     if kind == "publish":
-        session = publish(WebSocket(server, path))
+        # Kept until the end: a socket that nobody has is closed.
+        socket = WebSocket(server, path)
+        session = publish(socket)
     else:
-        session = subscribe(WebSocket(server, path, receive_buffer=4096))
+        socket = WebSocket(server, path, receive_buffer=4096)
+        session = subscribe(socket)
     print("half", session, flush=True)
     time.sleep(3600)
 

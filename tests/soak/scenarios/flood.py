@@ -85,7 +85,8 @@ class Flood:
                 self.ask_livez()
         quiet_since = time.monotonic()
         deadline = quiet_since + 60
-        while time.monotonic() < deadline and time.monotonic() - quiet_since < 3:
+        # Some are tried again by the system, seconds later.
+        while time.monotonic() < deadline and time.monotonic() - quiet_since < 5:
             if self.look(0.2):
                 quiet_since = time.monotonic()
         self.ask_livez()
