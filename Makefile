@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page fuzz load results
+.PHONY: demo test lint build page fuzz load soak results
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -40,6 +40,13 @@ page:
 fuzz:
 	scripts/install-dependencies build
 	scripts/fuzz $(SECONDS)
+
+# Faults: killed processes, clocks that jump, full disks, slow and stuck clients, floods. With
+# MINUTES=20, memory over that time instead.
+soak:
+	scripts/install-dependencies build
+	cargo build --release
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/release/steadymesh tests/soak/run $(if $(MINUTES),--minutes $(MINUTES)) $(SCENARIOS)
 
 # 500 players on one stream, 40 of them slow or stuck.
 load:

@@ -9,6 +9,7 @@ mod frame_files;
 mod frame_source;
 mod health;
 mod http_publisher;
+mod open_files;
 mod output_files;
 mod progress;
 mod publish;
@@ -102,7 +103,8 @@ fn wrong_usage(message: &str) -> ! {
 
 /// Says something to the person at the terminal.
 fn say(message: &str) {
-    // Whoever closes the pipe does not want to hear it, which is no reason to stop.
+    // Unlike `eprintln!`, which panics, this goes on where nobody can be told: on a full disk, or
+    // where the pipe has been closed.
     writeln!(std::io::stderr(), "{message}").ok();
 }
 

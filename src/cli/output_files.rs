@@ -2,14 +2,19 @@
 
 use std::collections::HashSet;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-/// Writes a whole file.
+/// Writes a whole file, or none: one that is cut short would look whole.
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    std::fs::write(path, bytes).with_context(|| format!("{} cannot be written", path.display()))
+    let written = std::fs::write(path, bytes);
+    if written.is_err() && path.is_file() {
+        // What went wrong first is what the user is told.
+        std::fs::remove_file(path).ok();
+    }
+    written.with_context(|| format!("{} cannot be written", path.display()))
 }
 
 /// Makes a folder, and those above it, unless they are there.
@@ -21,10 +26,41 @@ pub(super) fn make_folder(folder: &Path) -> anyhow::Result<()> {
         .with_context(|| format!("the folder {} cannot be made", folder.display()))
 }
 
+/// A file that is written piece by piece, whose errors name it.
+#[derive(Debug)]
+pub(super) struct OutputFile {
+    path: PathBuf,
+    file: BufWriter<File>,
+}
+
 /// Makes a file to be written piece by piece.
-pub(super) fn create(path: &Path) -> anyhow::Result<BufWriter<File>> {
+pub(super) fn create(path: &Path) -> anyhow::Result<OutputFile> {
     let file = File::create(path).with_context(|| format!("{} cannot be made", path.display()))?;
-    Ok(BufWriter::new(file))
+    Ok(OutputFile {
+        path: path.to_owned(),
+        file: BufWriter::new(file),
+    })
+}
+
+impl OutputFile {
+    fn named<T>(&self, written: io::Result<T>) -> io::Result<T> {
+        written.map_err(|error| {
+            let message = format!("{} cannot be written: {error}", self.path.display());
+            io::Error::new(error.kind(), message)
+        })
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes);
+        self.named(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let flushed = self.file.flush();
+        self.named(flushed)
+    }
 }
 
 /// A name for what is made of each of `files`: its own with another extension.

@@ -78,6 +78,7 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     let telemetry = Arc::new(Telemetry::new().context("the metrics cannot be registered")?);
     let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
         .context(UNUSABLE_DEFAULTS)?;
+    super::open_files::allow(config.limits.connections);
     let threads = pool.thread_count();
     let webhooks = Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry))?;
     let server = Server::start(config.server(), registry.clone(), pool, telemetry).await?;

@@ -141,6 +141,7 @@ impl Config {
             ("streams.queue_depth", self.streams.queue_depth),
             ("streams.parallel_frames", self.streams.parallel_frames),
             ("streams.history", self.streams.history),
+            ("streams.history_bytes", self.streams.history_bytes),
             ("streams.subscriber_queue", self.streams.subscriber_queue),
         ];
         match at_least_one.into_iter().find(|(_, value)| *value == 0) {

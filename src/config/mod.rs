@@ -35,7 +35,7 @@ pub struct Config {
     pub log: log::Options,
     /// Who may do what.
     pub auth: auth::Options,
-    /// Pages of other origins.
+    /// Who may use the server through a browser.
     pub http: Http,
     /// The threads that compute.
     pub compute: Compute,
@@ -57,12 +57,14 @@ pub struct Compute {
     pub queue: usize,
 }
 
-/// Pages of other origins.
+/// Who may use the server through a browser.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Http {
     /// Origins such as `https://studio.example` whose pages may use the server, or `*`.
     pub allowed_origins: Vec<String>,
+    /// Names such as `rig.studio.example` by which requests may address the server, or `*`.
+    pub allowed_hosts: Vec<String>,
 }
 
 /// How large and how slow a request may be.
@@ -77,7 +79,7 @@ pub struct RequestLimits {
     pub faces: usize,
     /// Bytes that decoding Draco data or base64 in a frame may take.
     pub decode_memory_bytes: usize,
-    /// Bytes of bodies that are being received at a time, over all streams.
+    /// Bytes of frames that are being received at a time, over all streams.
     pub memory_bytes: usize,
     /// Connections to the public listener.
     pub connections: usize,
@@ -89,9 +91,12 @@ pub struct RequestLimits {
     pub header_timeout_secs: u64,
     /// Seconds until a request's body must be complete.
     pub body_timeout_secs: u64,
+    /// Seconds that a connection may stay without a request.
+    pub idle_timeout_secs: u64,
     /// Bytes that the operating system may hold for a connection that does not read.
     pub send_buffer_bytes: usize,
-    /// Seconds that a player may take to receive one message before it is disconnected.
+    /// Seconds that a player may take to receive one message, and anybody else to take some of
+    /// an answer, before they are disconnected.
     pub send_timeout_secs: u64,
 }
 
@@ -107,6 +112,8 @@ pub struct Streams {
     pub parallel_frames: usize,
     /// Frames that a stream remembers.
     pub history: usize,
+    /// Bytes that they may take; the newest frame is remembered in any case.
+    pub history_bytes: usize,
     /// How many frames a player may fall behind before it is taken to the newest.
     pub subscriber_queue: usize,
     /// Seconds for which the place of a publisher that vanished is kept.
@@ -161,6 +168,7 @@ impl Default for RequestLimits {
             subscribers_per_stream: 1000,
             header_timeout_secs: 10,
             body_timeout_secs: 30,
+            idle_timeout_secs: 75,
             send_buffer_bytes: 256 << 10,
             send_timeout_secs: 10,
         }
@@ -175,6 +183,7 @@ impl Default for Streams {
             queue_depth: 4,
             parallel_frames: 4,
             history: 300,
+            history_bytes: 256 << 20,
             subscriber_queue: 30,
             linger_secs: 5,
             idle_timeout_secs: 3600,

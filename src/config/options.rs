@@ -27,7 +27,10 @@ impl Config {
             max_streams: self.streams.max,
             queue_depth: self.streams.queue_depth,
             parallel_frames: self.streams.parallel_frames,
-            history: self.streams.history,
+            history: streams::HistoryLimits {
+                frames: self.streams.history,
+                bytes: self.streams.history_bytes,
+            },
             subscriber_queue: self.streams.subscriber_queue,
             linger: Duration::from_secs(self.streams.linger_secs),
             idle_timeout: Duration::from_secs(self.streams.idle_timeout_secs),
@@ -50,6 +53,7 @@ impl Config {
             tls: self.tls.clone(),
             auth: self.auth.clone(),
             allowed_origins: self.http.allowed_origins.clone(),
+            allowed_hosts: self.http.allowed_hosts.clone(),
             max_memory_bytes: self.limits.memory_bytes,
             max_connections: self.limits.connections,
             max_connections_per_address: self.limits.connections_per_address,
@@ -58,6 +62,7 @@ impl Config {
             max_body_bytes: self.limits.body_bytes,
             header_timeout: Duration::from_secs(self.limits.header_timeout_secs),
             body_timeout: Duration::from_secs(self.limits.body_timeout_secs),
+            idle_timeout: Duration::from_secs(self.limits.idle_timeout_secs),
             send_buffer_bytes: self.limits.send_buffer_bytes,
             send_timeout: Duration::from_secs(self.limits.send_timeout_secs),
         }

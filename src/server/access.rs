@@ -12,7 +12,7 @@ use std::sync::Arc;
 use crate::streams::StreamName;
 
 use super::App;
-use super::auth::{Credential, Denied, Grant, Scope, TICKET_LIFETIME};
+use super::auth::{Claim, Credential, Denied, Grant, Scope, TICKET_LIFETIME};
 use super::error::Problem;
 use super::extract::{JsonBody, NoParameters, Strict};
 
@@ -20,12 +20,20 @@ use super::extract::{JsonBody, NoParameters, Strict};
 const LOOK_AGAIN: Duration = Duration::from_secs(10);
 
 /// A request that has been let in, and for how long.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Access {
     expires: Option<SystemTime>,
+    ticket: Option<Claim>,
 }
 
 impl Access {
+    /// What was asked for has begun: a ticket is used up.
+    pub fn begin(&mut self) {
+        if let Some(ticket) = self.ticket.take() {
+            ticket.use_up();
+        }
+    }
+
     /// Waits until the credential has expired, which many never do.
     pub async fn expired(&self) {
         let Some(expires) = self.expires else {
@@ -49,13 +57,14 @@ impl App {
         scope: Scope,
         stream: &StreamName,
     ) -> Result<Access, Problem> {
-        let Some(grant) = self.grant(credential)? else {
+        let Some((grant, ticket)) = self.granted(credential)? else {
             return Ok(Access::default());
         };
         let checked = grant.check(scope, stream);
         checked.map_err(|denied| self.denied(&denied))?;
         Ok(Access {
             expires: grant.expires,
+            ticket,
         })
     }
 
@@ -70,6 +79,10 @@ impl App {
     ///
     /// 401.
     pub fn grant(&self, credential: &Credential) -> Result<Option<Grant>, Problem> {
+        Ok(self.granted(credential)?.map(|(grant, _)| grant))
+    }
+
+    fn granted(&self, credential: &Credential) -> Result<Option<(Grant, Option<Claim>)>, Problem> {
         let auth = self.auth.load();
         let grant = auth.grant(credential, &self.tickets, SystemTime::now());
         grant.map_err(|denied| self.denied(&denied))

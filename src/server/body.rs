@@ -6,9 +6,10 @@ use axum::body::{Body, HttpBody};
 use axum::http::{HeaderMap, header};
 use bytes::{Bytes, BytesMut};
 use http_body_util::BodyExt;
-use tokio::sync::{Semaphore, SemaphorePermit};
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
+use super::connection::Memory;
 use super::error::Problem;
 
 /// Not more than this is set aside on the word of a `Content-Length`.
@@ -27,50 +28,17 @@ pub(super) struct Limits {
     pub timeout: Duration,
 }
 
-/// What bodies that are being received may take together.
-#[derive(Debug)]
-pub(super) struct Memory {
-    kibibytes: Semaphore,
-    limit: usize,
-}
-
-impl Memory {
-    pub fn new(limit: usize) -> Self {
-        let kibibytes = (limit >> 10).clamp(1, Semaphore::MAX_PERMITS);
-        Self {
-            kibibytes: Semaphore::new(kibibytes),
-            limit,
-        }
-    }
-
-    /// Sets so many bytes aside until the result is dropped.
-    ///
-    /// # Errors
-    ///
-    /// 503 if they are not there.
-    pub fn reserve(&self, bytes: usize) -> Result<SemaphorePermit<'_>, Problem> {
-        let kibibytes = u32::try_from(bytes.div_ceil(1024)).unwrap_or(u32::MAX);
-        self.kibibytes.try_acquire_many(kibibytes).map_err(|_| {
-            Problem::over_limit(format!(
-                "bodies of other requests take the {} bytes that limits.memory_bytes allows: try \
-                 again in a moment",
-                self.limit
-            ))
-        })
-    }
-}
-
 /// Reads a body.
 ///
 /// # Errors
 ///
 /// 413 if it is too large, 408 if it is too slow, 400 if it ends early.
-pub(super) async fn read<'m>(
+pub(super) async fn read(
     mut body: Body,
     headers: &HeaderMap,
     limits: Limits,
-    memory: &'m Memory,
-) -> Result<(Bytes, SemaphorePermit<'m>), Problem> {
+    memory: &Memory,
+) -> Result<(Bytes, OwnedSemaphorePermit), Problem> {
     let announced = body.size_hint().lower();
     if (limits.max_bytes as u64) < announced {
         discard(body, headers).await;

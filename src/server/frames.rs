@@ -73,11 +73,7 @@ pub(super) async fn get_frame(
         .ok_or_else(|| Problem::no_stream(&name))?;
     let frame = find(&stream, which)?;
     let seq = frame.metrics.seq;
-    let etag = format!(
-        "\"{:x}-{seq}-{}\"",
-        stream.summary().created_us,
-        format.extension()
-    );
+    let etag = format!("\"{:x}-{seq}-{}\"", stream.created_us(), format.extension());
     let cache = match which {
         Which::Latest => "no-cache".to_owned(),
         // What a token opened is nobody else's.
@@ -165,13 +161,11 @@ fn find(stream: &Stream, which: Which) -> Result<Arc<Delivered>, Problem> {
 }
 
 fn not_there(stream: &Stream, name: &StreamName, seq: u64) -> String {
-    let remembered = stream.last(usize::MAX);
-    match (remembered.first(), remembered.last()) {
-        (Some(oldest), Some(newest)) => format!(
-            "there is no frame {seq} in the stream {name}: it remembers frames {} to {}",
-            oldest.metrics.seq, newest.metrics.seq
+    match stream.remembered() {
+        Some((oldest, newest)) => format!(
+            "there is no frame {seq} in the stream {name}: it remembers frames {oldest} to {newest}"
         ),
-        _ => format!("no frame of the stream {name} is out yet"),
+        None => format!("no frame of the stream {name} is out yet"),
     }
 }
 

@@ -6,12 +6,13 @@
 mod access;
 pub mod auth;
 mod body;
-mod connection_cap;
+mod connection;
 mod control;
 mod description;
 mod error;
 mod extract;
 mod frames;
+mod host;
 mod ingest;
 mod internal;
 mod origin;
@@ -39,6 +40,7 @@ use axum_server::service::SendService;
 use axum_server::tls_rustls::{RustlsAcceptor, RustlsConfig};
 use hyper::body::Incoming;
 use serde::{Deserialize, Serialize};
+use socket2::{Domain, Socket, Type};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::task::JoinHandle;
@@ -49,8 +51,10 @@ use crate::streams::Registry;
 use crate::telemetry::Telemetry;
 
 use auth::{Auth, Tickets};
-use connection_cap::ConnectionCap;
+use connection::{ConnectionCap, Memory, Patience, Timed};
 
+/// Connections that may wait to be accepted; the system may allow fewer.
+const BACKLOG: i32 = 4096;
 /// Connections may take so long to end after the last stream has.
 const FAREWELL: Duration = Duration::from_secs(2);
 
@@ -67,11 +71,13 @@ pub struct Options {
     pub auth: auth::Options,
     /// Origins whose pages may use the server, or `*`.
     pub allowed_origins: Vec<String>,
+    /// Names by which the server may be asked, or `*`.
+    pub allowed_hosts: Vec<String>,
     /// How long accepted frames may take to come out once the server is asked to stop.
     pub shutdown_grace: Duration,
     /// Most bytes of a frame's body.
     pub max_body_bytes: usize,
-    /// Most bytes of bodies that are being received at a time.
+    /// Most bytes of frames that are being received at a time.
     pub max_memory_bytes: usize,
     /// Most connections, in all.
     pub max_connections: usize,
@@ -83,10 +89,23 @@ pub struct Options {
     pub header_timeout: Duration,
     /// How long a request's body may take.
     pub body_timeout: Duration,
+    /// How long a connection may stay without a request.
+    pub idle_timeout: Duration,
     /// Bytes that the operating system may hold for a connection that does not read.
     pub send_buffer_bytes: usize,
-    /// How long a player may take to receive one message.
+    /// How long a player may take to receive one message, and anybody else to take some of an
+    /// answer.
     pub send_timeout: Duration,
+}
+
+impl Options {
+    fn patience(&self) -> Patience {
+        Patience {
+            head: self.header_timeout,
+            idle: self.idle_timeout,
+            send: self.send_timeout,
+        }
+    }
 }
 
 /// A certificate chain and its key, in PEM.
@@ -111,8 +130,10 @@ struct App {
     stopping: AtomicBool,
     /// WebSocket connections, which end after the request that began them.
     sockets: TaskTracker,
-    /// Bytes of bodies that are being received.
-    memory: body::Memory,
+    /// Bytes of frames that are being received.
+    memory: Memory,
+    /// Where the public listener listens, whatever a later configuration says.
+    listens_on: SocketAddr,
 }
 
 impl App {
@@ -191,27 +212,30 @@ impl Server {
             registry,
             telemetry,
             pool,
-            memory: body::Memory::new(options.max_memory_bytes),
+            memory: Memory::new(options.max_memory_bytes),
+            listens_on: public.1,
             options: ArcSwap::from_pointee(options),
             auth: ArcSwap::from_pointee(auth),
             tickets: Tickets::default(),
             stopping: AtomicBool::new(false),
             sockets: TaskTracker::new(),
         });
-        let header_timeout = app.options().header_timeout;
         let cap = ConnectionCap::new(Arc::clone(&app), tls.is_none());
         let routes = router::router(Arc::clone(&app));
         let public = match &tls {
             Some(tls) => {
-                let acceptor = RustlsAcceptor::new(tls.clone()).acceptor(cap);
-                serve(public, acceptor, routes, header_timeout)?
+                let acceptor = RustlsAcceptor::new(tls.clone())
+                    .handshake_timeout(app.options().header_timeout)
+                    .acceptor(cap);
+                serve(public, Timed::new(acceptor, Arc::clone(&app)), routes)?
             }
-            None => serve(public, cap, routes, header_timeout)?,
+            None => serve(public, Timed::new(cap, Arc::clone(&app)), routes)?,
         };
         let routes = internal::router(Arc::clone(&app));
+        let acceptor = Timed::new(DefaultAcceptor::new(), Arc::clone(&app));
         Ok(Self {
             public,
-            internal: serve(internal, DefaultAcceptor::new(), routes, header_timeout)?,
+            internal: serve(internal, acceptor, routes)?,
             app,
             tls,
         })
@@ -239,9 +263,7 @@ impl Server {
     pub async fn reload(&self, options: Options) -> Result<(), NotStarted> {
         let auth = Auth::new(&options.auth)?;
         if let (Some(tls), Some(files)) = (&self.tls, &options.tls) {
-            let (certificate, key) = (&files.certificate_file, &files.key_file);
-            let reloaded = tls.reload_from_pem_file(certificate, key).await;
-            reloaded.map_err(|reason| cannot_use(files, reason))?;
+            tls.reload_from_config(load_tls(files).await?.get_inner());
         }
         self.app.auth.store(Arc::new(auth));
         self.app.options.store(Arc::new(options));
@@ -292,7 +314,11 @@ impl Listener {
 
 async fn load_tls(files: &TlsOptions) -> Result<RustlsConfig, NotStarted> {
     let loaded = RustlsConfig::from_pem_file(&files.certificate_file, &files.key_file).await;
-    loaded.map_err(|reason| cannot_use(files, reason))
+    let loaded = loaded.map_err(|reason| cannot_use(files, reason))?;
+    // The library offers HTTP/2 too, which connections here do not speak.
+    let mut config = (*loaded.get_inner()).clone();
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(RustlsConfig::from_config(Arc::new(config)))
 }
 
 fn cannot_use(files: &TlsOptions, reason: io::Error) -> NotStarted {
@@ -305,16 +331,26 @@ fn cannot_use(files: &TlsOptions, reason: io::Error) -> NotStarted {
 
 fn bind(address: SocketAddr) -> Result<(TcpListener, SocketAddr), NotStarted> {
     let cannot = |reason| NotStarted::CannotListen { address, reason };
-    let listener = TcpListener::bind(address).map_err(cannot)?;
+    let listener = listen(address).map_err(cannot)?;
     let bound = listener.local_addr().map_err(cannot)?;
     Ok((listener, bound))
+}
+
+/// The standard library's listener lets few connections wait to be accepted: a flood of them
+/// would cost others seconds.
+fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = Socket::new(Domain::for_address(address), Type::STREAM, None)?;
+    // As the standard library does, so that a server can be started again at once.
+    socket.set_reuse_address(true)?;
+    socket.bind(&address.into())?;
+    socket.listen(BACKLOG)?;
+    Ok(socket.into())
 }
 
 fn serve<A>(
     (listener, address): (TcpListener, SocketAddr),
     acceptor: A,
     router: Router,
-    header_timeout: Duration,
 ) -> Result<Listener, NotStarted>
 where
     A: Accept<TcpStream, Router> + Clone + Send + Sync + 'static,
@@ -323,16 +359,10 @@ where
     A::Future: Send,
 {
     let handle = Handle::new();
-    let mut server = axum_server::from_tcp(listener)
+    let server = axum_server::from_tcp(listener)
         .map_err(|reason| NotStarted::CannotListen { address, reason })?
         .acceptor(acceptor)
-        .handle(handle.clone())
-        .first_request_timeout(header_timeout);
-    // The libraries' defaults have no timeout: half a head would hold a connection for ever.
-    server
-        .http_builder()
-        .http1()
-        .header_read_timeout(header_timeout);
+        .handle(handle.clone());
     let task = tokio::spawn(server.serve(router.into_make_service()));
     Ok(Listener {
         address,

@@ -1,7 +1,7 @@
 //! Frames in, by WebSocket.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use axum::Extension;
 use axum::extract::State;
@@ -15,15 +15,15 @@ use futures_util::stream::{FuturesUnordered, SplitStream};
 use serde::Deserialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{DropReason, FrameState, PublishReply, PublisherMessage};
-use tokio::time::timeout;
+use tokio::time::{Instant, sleep, timeout};
 use tokio_tungstenite::tungstenite;
 use tracing::Instrument;
 
 use crate::streams::{Loss, Outcome, Publication, Session, Stream, Submission, Ticket};
 
-use super::App;
 use super::access::Access;
 use super::auth::Scope;
+use super::connection::Link;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
 use super::ingest::{Stamps, sniffed_format, with_native_stamps};
@@ -32,6 +32,7 @@ use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, NotSent, Outgoing,
     SILENCE,
 };
+use super::{App, Options};
 
 /// What a publisher may say when it connects.
 #[derive(Debug, Deserialize)]
@@ -44,9 +45,6 @@ pub(super) struct Arrival {
     #[serde(rename = "ticket")]
     _ticket: Option<String>,
 }
-
-/// How long a publisher may take to hear the last of it.
-const GOODBYE: Duration = Duration::from_secs(1);
 
 /// Why a connection ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,6 +62,7 @@ pub(super) async fn publish(
     Asking { name, credential }: Asking,
     Strict(arrival): Strict<Arrival>,
     Extension(LogSpan(span)): Extension<LogSpan>,
+    Extension(link): Extension<Link>,
     upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Publish, &name)?;
@@ -76,16 +75,19 @@ pub(super) async fn publish(
     let publication = stream
         .publish(session, arrival.takeover)
         .map_err(|_| Problem::occupied())?;
-    let (ongoing, options) = (app.sockets.token(), app.options());
-    Ok(upgrade
-        .max_message_size(options.max_body_bytes)
-        .max_frame_size(options.max_body_bytes)
-        .on_upgrade(move |socket| async move {
-            let send_timeout = options.send_timeout;
-            let serving = serve(socket, &stream, (publication, access), send_timeout);
-            serving.instrument(span).await;
-            drop(ongoing);
-        }))
+    let (options, shared) = (app.options(), Arc::clone(&app));
+    let limit = options.max_body_bytes;
+    let serve = async move |socket, access| {
+        link.count_against(&app.memory);
+        let rig = Rig {
+            stream,
+            publication,
+            access,
+            link,
+        };
+        serve(socket, rig, &options).instrument(span).await;
+    };
+    Ok(socket::open(&shared, upgrade, access, limit, serve))
 }
 
 fn new_session() -> Result<Session, Problem> {
@@ -95,18 +97,20 @@ fn new_session() -> Result<Session, Problem> {
     Ok(Session::new(random))
 }
 
-async fn serve(
-    socket: WebSocket,
-    stream: &Arc<Stream>,
-    (publication, access): (Publication, Access),
-    send_timeout: Duration,
-) {
+/// A publisher that has been let in.
+struct Rig {
+    stream: Arc<Stream>,
+    publication: Publication,
+    access: Access,
+    link: Link,
+}
+
+async fn serve(socket: WebSocket, rig: Rig, options: &Options) {
     let (sink, mut incoming) = socket.split();
     let mut connection = Connection {
-        outgoing: Outgoing::new(sink, send_timeout),
-        stream,
-        publication: &publication,
-        access: &access,
+        outgoing: Outgoing::new(sink, options.send_timeout),
+        rig: &rig,
+        body_timeout: options.body_timeout,
         messages: 0,
         credit: 0,
         stamps: Stamps::default(),
@@ -114,28 +118,21 @@ async fn serve(
         answers: FuturesUnordered::new(),
     };
     let farewell = connection.run(&mut incoming).await;
-    tracing::debug!(stream = %stream.name(), ?farewell, "publisher leaves");
+    tracing::debug!(stream = %rig.stream.name(), ?farewell, "publisher leaves");
     match farewell {
         Farewell::Ours(code, reason) => {
-            // Read on for a moment: a connection that is dropped with frames in flight is reset,
-            // and the rig would not learn why.
-            if connection.outgoing.close(code, reason).await.is_ok() {
-                timeout(GOODBYE, forget(&mut incoming)).await.ok();
-            }
+            // What still comes is not kept.
+            rig.link.stop_counting();
+            socket::take_leave(&mut connection.outgoing, &mut incoming, (code, reason)).await;
         }
         Farewell::Theirs => connection.outgoing.finish().await,
         Farewell::Broken => {}
     }
     drop(connection);
     match farewell {
-        Farewell::Broken => drop(publication),
-        Farewell::Ours(..) | Farewell::Theirs => publication.end(),
+        Farewell::Broken => drop(rig.publication),
+        Farewell::Ours(..) | Farewell::Theirs => rig.publication.end(),
     }
-}
-
-/// Reads until the publisher has closed too.
-async fn forget(incoming: &mut SplitStream<WebSocket>) {
-    while let Some(Ok(_)) = incoming.next().await {}
 }
 
 /// What has become of a frame so far.
@@ -147,9 +144,9 @@ struct Answer {
 /// One publisher's connection.
 struct Connection<'a> {
     outgoing: Outgoing,
-    stream: &'a Arc<Stream>,
-    publication: &'a Publication,
-    access: &'a Access,
+    rig: &'a Rig,
+    /// How long a frame may wait for memory while it is being received.
+    body_timeout: Duration,
     /// Frames that have come.
     messages: u64,
     /// What the publisher has been told.
@@ -164,33 +161,46 @@ struct Connection<'a> {
 
 impl Connection<'_> {
     async fn run(&mut self, incoming: &mut SplitStream<WebSocket>) -> Farewell {
-        self.credit = self.messages + self.publication.free_places() as u64;
+        self.credit = self.messages + self.rig.publication.free_places() as u64;
         if self.outgoing.say(&self.welcome()).await.is_err() {
             return Farewell::Broken;
         }
         let mut chatter = Chatter::new();
         let mut pings = socket::pings();
-        let ended = self.stream.ended();
-        tokio::pin!(ended);
+        let ended = self.rig.stream.ended();
+        let starved = self.rig.link.starved(self.body_timeout);
+        let silence = sleep(SILENCE);
+        tokio::pin!(ended, starved, silence);
         loop {
             let sent = tokio::select! {
-                message = timeout(SILENCE, incoming.next()) => match message {
-                    Err(_) => return Farewell::Ours(CLOSE_SILENT, "no sign of life"),
-                    Ok(None) => return Farewell::Broken,
-                    Ok(Some(Err(error))) => return broken(&error),
-                    Ok(Some(Ok(Message::Close(_)))) => return Farewell::Theirs,
-                    Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if chatter.is_too_much() => {
+                message = incoming.next() => match message {
+                    None => return Farewell::Broken,
+                    Some(Err(error)) => return broken(&error),
+                    Some(Ok(Message::Close(_))) => return Farewell::Theirs,
+                    Some(Ok(Message::Ping(_) | Message::Pong(_))) if chatter.is_too_much() => {
                         return Farewell::Ours(CLOSE_CHATTER, "too many pings");
                     }
-                    Ok(Some(Ok(message))) => self.take(message).await,
+                    Some(Ok(message)) => {
+                        silence.as_mut().reset(Instant::now() + SILENCE);
+                        self.take(message).await
+                    }
                 },
+                () = &mut silence => {
+                    return Farewell::Ours(CLOSE_SILENT, "no sign of life");
+                }
+                () = &mut starved => {
+                    return Farewell::Ours(
+                        close_code::AGAIN,
+                        "no memory for the frame: limits.memory_bytes",
+                    );
+                }
                 Some(answer) = self.answers.next(), if !self.answers.is_empty() => {
                     self.answer(answer).await
                 }
-                () = self.publication.superseded() => {
+                () = self.rig.publication.superseded() => {
                     return Farewell::Ours(CLOSE_SUPERSEDED, "another publisher has taken over");
                 }
-                () = self.access.expired() => {
+                () = self.rig.access.expired() => {
                     return Farewell::Ours(CLOSE_EXPIRED, "the token has expired");
                 }
                 reason = &mut ended => {
@@ -215,21 +225,22 @@ impl Connection<'_> {
                 }
             }
         };
-        timeout(GOODBYE, answering).await.ok();
+        timeout(socket::GOODBYE, answering).await.ok();
     }
 
     fn welcome(&self) -> PublishReply {
         PublishReply::Welcome {
             protocol: SUBPROTOCOL.to_owned(),
-            stream: self.stream.name().to_string(),
-            session: self.publication.session().as_str().to_owned(),
-            latest_seq: self.stream.latest_accepted(),
+            stream: self.rig.stream.name().to_string(),
+            session: self.rig.publication.session().as_str().to_owned(),
+            latest_seq: self.rig.stream.latest_accepted(),
             credit: self.credit,
-            config: self.stream.configured().config.clone(),
+            config: self.rig.stream.configured().config.clone(),
         }
     }
 
     async fn take(&mut self, message: Message) -> Result<(), NotSent> {
+        let memory = self.rig.link.take_memory();
         match message {
             Message::Text(text) => match serde_json::from_str(&text) {
                 Ok(PublisherMessage::Frame {
@@ -254,9 +265,15 @@ impl Connection<'_> {
                 if std::mem::take(&mut self.is_rejected) {
                     return Ok(());
                 }
-                match self.hand_in(stamps, bytes) {
-                    Ok(ticket) => {
-                        self.answers.push(Box::pin(accepted(number, ticket)));
+                let taken = memory.and_then(|memory| Ok((self.hand_in(stamps, bytes)?, memory)));
+                match taken {
+                    Ok((ticket, memory)) => {
+                        let answer = async move {
+                            let answer = accepted(number, ticket).await;
+                            drop(memory);
+                            answer
+                        };
+                        self.answers.push(Box::pin(answer));
                         Ok(())
                     }
                     Err(problem) => self.reject(number, problem).await,
@@ -267,7 +284,7 @@ impl Connection<'_> {
     }
 
     fn hand_in(&self, stamps: Stamps, bytes: Bytes) -> Result<Ticket, Problem> {
-        let place = self.publication.reserve()?;
+        let place = self.rig.publication.reserve()?;
         let format = sniffed_format(&bytes)?;
         let stamps = with_native_stamps(stamps, format, &bytes)?;
         Ok(place.submit(Submission {
@@ -275,13 +292,13 @@ impl Connection<'_> {
             format,
             seq: stamps.seq,
             capture_time_us: stamps.capture_time_us,
-            arrived: Instant::now(),
+            arrived: std::time::Instant::now(),
         })?)
     }
 
     async fn reject(&mut self, message: u64, problem: Problem) -> Result<(), NotSent> {
         if problem.is_rejection() {
-            self.stream.count_rejected();
+            self.rig.stream.count_rejected();
         }
         let problem = problem.into_document();
         let state = FrameState::Rejected { problem };
@@ -294,10 +311,10 @@ impl Connection<'_> {
         let Answer { message, state } = answer;
         match &state {
             FrameState::Accepted { seq } => {
-                let (stream, seq) = (Arc::clone(self.stream), *seq);
+                let (stream, seq) = (Arc::clone(&self.rig.stream), *seq);
                 self.answers.push(Box::pin(out(message, seq, stream)));
             }
-            FrameState::Rejected { .. } => self.stream.count_rejected(),
+            FrameState::Rejected { .. } => self.rig.stream.count_rejected(),
             _ => {}
         }
         self.outgoing
@@ -307,7 +324,7 @@ impl Connection<'_> {
 
     /// Tells the publisher when there is more room than it knows of.
     async fn grant(&mut self) -> Result<(), NotSent> {
-        let credit = self.messages + self.publication.free_places() as u64;
+        let credit = self.messages + self.rig.publication.free_places() as u64;
         if credit <= self.credit {
             return Ok(());
         }

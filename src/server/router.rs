@@ -11,7 +11,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 
 use super::error::Problem;
 use super::{
-    App, access, control, description, frames, ingest, origin, player, publish, request_log,
+    App, access, control, description, frames, host, ingest, origin, player, publish, request_log,
     subscribe,
 };
 
@@ -46,6 +46,10 @@ pub(super) fn router(app: Arc<App>) -> Router {
             origin::check,
         ))
         .layer(origin::cors(Arc::clone(&app)))
+        .layer(middleware::from_fn_with_state(
+            Arc::clone(&app),
+            host::check,
+        ))
         .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
         .layer(CatchPanicLayer::custom(
             |_: Box<dyn std::any::Any + Send>| {

@@ -1,17 +1,20 @@
 //! What both kinds of WebSocket connections need: the handshake, messages with a deadline, signs
-//! of life, and close codes.
+//! of life, and taking leave.
 
 use std::time::Duration;
 
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
-use futures_util::SinkExt;
-use futures_util::stream::SplitSink;
+use axum::response::Response;
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
 use serde::Serialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::EndReason;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at, timeout};
 
+use super::App;
+use super::access::Access;
 use super::auth::is_credential;
 use super::error::Problem;
 
@@ -19,6 +22,9 @@ use super::error::Problem;
 const PING_EVERY: Duration = Duration::from_secs(20);
 /// and is taken for gone when there has been none for so long.
 pub(super) const SILENCE: Duration = Duration::from_secs(50);
+
+/// How long a client may take to hear the last of it.
+pub(super) const GOODBYE: Duration = Duration::from_secs(1);
 
 /// Close codes of our own are 4000 and the HTTP status that means the same.
 pub(super) const CLOSE_EXPIRED: u16 = 4401;
@@ -93,6 +99,44 @@ pub(super) fn accept(
     Ok(upgrade.protocols([SUBPROTOCOL]))
 }
 
+/// Completes a handshake that has been accepted, and then serves the connection. The server waits
+/// for it when it stops.
+pub(super) fn open<S, F>(
+    app: &App,
+    upgrade: WebSocketUpgrade,
+    mut access: Access,
+    max_message_bytes: usize,
+    serve: S,
+) -> Response
+where
+    S: FnOnce(WebSocket, Access) -> F + Send + 'static,
+    F: Future<Output = ()> + Send,
+{
+    let ongoing = app.sockets.token();
+    upgrade
+        .max_message_size(max_message_bytes)
+        .max_frame_size(max_message_bytes)
+        .on_upgrade(move |socket| async move {
+            access.begin();
+            serve(socket, access).await;
+            drop(ongoing);
+        })
+}
+
+/// Says why a connection ends, and reads on for a moment until the client has closed too: one that
+/// is dropped with messages in flight is reset, and the client would not learn why.
+pub(super) async fn take_leave(
+    outgoing: &mut Outgoing,
+    incoming: &mut SplitStream<WebSocket>,
+    (code, reason): (u16, &'static str),
+) {
+    if outgoing.close(code, reason).await.is_err() {
+        return;
+    }
+    let theirs = async { while let Some(Ok(_)) = incoming.next().await {} };
+    timeout(GOODBYE, theirs).await.ok();
+}
+
 /// When to ask for signs of life.
 pub(super) fn pings() -> Interval {
     let mut pings = interval_at(Instant::now() + PING_EVERY, PING_EVERY);
@@ -133,7 +177,7 @@ impl Outgoing {
         self.send(Message::Ping(bytes::Bytes::new())).await
     }
 
-    pub async fn close(&mut self, code: u16, reason: &'static str) -> Result<(), NotSent> {
+    async fn close(&mut self, code: u16, reason: &'static str) -> Result<(), NotSent> {
         let reason = Utf8Bytes::from_static(reason);
         self.send(Message::Close(Some(CloseFrame { code, reason })))
             .await

@@ -33,8 +33,6 @@ use super::socket::{
 const MAX_MESSAGE_BYTES: usize = 4096;
 /// Frames that are sent with one flush, at most.
 const MAX_BATCH: usize = 16;
-/// How long a player may take to say goodbye too.
-const GOODBYE: Duration = Duration::from_secs(1);
 
 /// What a player may wish for.
 #[derive(Debug, Deserialize)]
@@ -98,18 +96,16 @@ pub(super) async fn subscribe(
             "the stream has {limit} players, which is limits.subscribers_per_stream"
         )));
     };
-    let ongoing = app.sockets.token();
-    Ok(upgrade
-        .max_message_size(MAX_MESSAGE_BYTES)
-        .max_frame_size(MAX_MESSAGE_BYTES)
-        .on_upgrade(move |socket| async move {
-            app.telemetry.connections.inc();
-            let reader = Reader { seat, access, pace };
-            let serving = serve(socket, &reader, app.options().send_timeout);
-            serving.instrument(span).await;
-            app.telemetry.connections.dec();
-            drop(ongoing);
-        }))
+    let shared = Arc::clone(&app);
+    let serve = async move |socket, access| {
+        app.telemetry.connections.inc();
+        let reader = Reader { seat, access, pace };
+        let serving = serve(socket, &reader, app.options().send_timeout);
+        serving.instrument(span).await;
+        app.telemetry.connections.dec();
+    };
+    let limit = MAX_MESSAGE_BYTES;
+    Ok(socket::open(&shared, upgrade, access, limit, serve))
 }
 
 /// A player that has been let in.
@@ -130,7 +126,7 @@ async fn serve(socket: WebSocket, reader: &Reader, send_timeout: Duration) {
         () = reader.access.expired() => Farewell::Expired,
     };
     tracing::debug!(stream = %reader.seat.stream().name(), ?farewell, "subscriber leaves");
-    let (code, reason) = match farewell {
+    let leave = match farewell {
         Farewell::Ended(reason) => socket::close_of(reason),
         Farewell::TooFarBehind => (CLOSE_TOO_FAR_BEHIND, "too far behind"),
         Farewell::Expired => (CLOSE_EXPIRED, "the token has expired"),
@@ -138,9 +134,7 @@ async fn serve(socket: WebSocket, reader: &Reader, send_timeout: Duration) {
         Farewell::Chatter => (CLOSE_CHATTER, "too many pings"),
         Farewell::Theirs => return outgoing.finish().await,
     };
-    if outgoing.close(code, reason).await.is_ok() {
-        timeout(GOODBYE, listen(&mut incoming)).await.ok();
-    }
+    socket::take_leave(&mut outgoing, &mut incoming, leave).await;
 }
 
 async fn send_frames(outgoing: &mut Outgoing, reader: &Reader) -> Farewell {

@@ -48,31 +48,51 @@ pub enum Outcome {
     Lost(Loss),
 }
 
+/// How much a stream remembers. Its newest frame is remembered in any case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HistoryLimits {
+    /// Most frames.
+    pub frames: usize,
+    /// Most bytes of their messages.
+    pub bytes: usize,
+}
+
 /// The outcomes of a stream's newest frames, oldest first; what does not fit is forgotten,
 /// oldest first.
 #[derive(Debug)]
 pub(super) struct History {
     /// Numbers are ascending, with gaps where the rig has left some out.
     entries: VecDeque<(u64, Outcome)>,
-    capacity: usize,
+    limits: HistoryLimits,
+    /// What the messages of all entries take.
+    bytes: usize,
     delivered: u64,
 }
 
 impl History {
-    pub fn new(capacity: usize) -> Self {
+    pub fn new(limits: HistoryLimits) -> Self {
         Self {
-            entries: VecDeque::with_capacity(capacity.min(1024)),
-            capacity: capacity.max(1),
+            entries: VecDeque::with_capacity(limits.frames.min(1024)),
+            limits,
+            bytes: 0,
             delivered: 0,
         }
     }
 
     /// Adds the outcome of the next frame.
     pub fn push(&mut self, seq: u64, outcome: Outcome) {
-        if self.entries.len() == self.capacity {
-            self.entries.pop_front();
+        let entry = (seq, outcome);
+        self.bytes += byte_count(&entry);
+        self.entries.push_back(entry);
+        while 1 < self.entries.len() && self.is_too_large() {
+            self.bytes -= self.entries.pop_front().as_ref().map_or(0, byte_count);
         }
-        self.entries.push_back((seq, outcome));
+    }
+
+    fn is_too_large(&self) -> bool {
+        let newest = || self.newest().map_or(0, |frame| frame.message.len());
+        self.limits.frames < self.entries.len()
+            || (self.limits.bytes < self.bytes && newest() < self.bytes)
     }
 
     /// Encodes a frame and adds it.
@@ -134,6 +154,10 @@ impl Delivered {
     }
 }
 
+fn byte_count(entry: &(u64, Outcome)) -> usize {
+    delivered(entry).map_or(0, |frame| frame.message.len())
+}
+
 fn delivered(entry: &(u64, Outcome)) -> Option<&Arc<Delivered>> {
     match &entry.1 {
         Outcome::Delivered(frame) => Some(frame),
@@ -145,6 +169,13 @@ fn delivered(entry: &(u64, Outcome)) -> Option<&Arc<Delivered>> {
 mod tests {
     use super::*;
 
+    fn remembering(frames: usize) -> History {
+        History::new(HistoryLimits {
+            frames,
+            bytes: usize::MAX,
+        })
+    }
+
     fn deliver(history: &mut History, seq: u64) -> Arc<Delivered> {
         let metrics = FrameMetrics {
             seq,
@@ -155,7 +186,7 @@ mod tests {
 
     #[test]
     fn the_oldest_frames_are_forgotten() {
-        let mut history = History::new(3);
+        let mut history = remembering(3);
         for seq in [2, 4, 6, 8] {
             deliver(&mut history, seq);
         }
@@ -167,8 +198,27 @@ mod tests {
     }
 
     #[test]
+    fn the_oldest_frames_give_way_to_bytes_too_and_the_newest_stays() {
+        let size = deliver(&mut remembering(1), 1).message.len();
+        let mut history = History::new(HistoryLimits {
+            frames: 100,
+            bytes: 3 * size,
+        });
+        for seq in 1..=9 {
+            deliver(&mut history, seq);
+        }
+        let last: Vec<_> = history.last(99).iter().map(|f| f.metrics.seq).collect();
+        assert_eq!(last, [7, 8, 9]);
+        history.limits.bytes = 1;
+        deliver(&mut history, 10);
+        history.push(11, Outcome::Lost(Loss::Overload));
+        assert!(history.find(9).is_none());
+        assert_eq!(history.newest().map(|frame| frame.metrics.seq), Some(10));
+    }
+
+    #[test]
     fn a_lost_frame_is_known_as_lost_and_skipped_by_readers() {
-        let mut history = History::new(9);
+        let mut history = remembering(9);
         let first = deliver(&mut history, 0);
         history.push(1, Outcome::Lost(Loss::Overload));
         let third = deliver(&mut history, 2);
@@ -182,7 +232,7 @@ mod tests {
 
     #[test]
     fn the_mesh_is_the_end_of_the_message() {
-        let frame = deliver(&mut History::new(1), 7);
+        let frame = deliver(&mut remembering(1), 7);
         assert_eq!(&frame.mesh[..], b"mesh 7");
         assert_eq!(
             DeliveredFrame::decode(&frame.message).unwrap().mesh,

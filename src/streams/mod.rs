@@ -22,7 +22,7 @@ mod subscription;
 mod task;
 
 pub use events::{Figures, FrameEvent, Life, LifeEvent, Listener};
-pub use history::{Delivered, Loss, Outcome};
+pub use history::{Delivered, HistoryLimits, Loss, Outcome};
 pub use intake::{Place, Refused, Submission, Ticket};
 pub use name::{InvalidStreamName, StreamName};
 pub use pattern::StreamPattern;

@@ -14,6 +14,7 @@ use crate::telemetry::Telemetry;
 
 use super::StreamName;
 use super::events::{Events, Listener};
+use super::history::HistoryLimits;
 use super::intake::Intake;
 use super::settings::{Configured, InvalidConfig, StreamRule};
 use super::stream::{Parts, Request, Stream};
@@ -32,8 +33,8 @@ pub struct Options {
     pub queue_depth: usize,
     /// Frames of a stream that may be in work at a time.
     pub parallel_frames: usize,
-    /// Frames that a stream remembers.
-    pub history: usize,
+    /// How much a stream remembers.
+    pub history: HistoryLimits,
     /// How far a reader may fall behind before it is taken to the newest frame, in frames.
     pub subscriber_queue: usize,
     /// How long a publisher that vanished is expected back.

@@ -13,7 +13,7 @@ use crate::stopwatch::microseconds;
 use crate::telemetry::StreamMetrics;
 
 use super::events::{Events, Life};
-use super::history::{Delivered, History, Loss, Outcome};
+use super::history::{Delivered, History, HistoryLimits, Loss, Outcome};
 use super::intake::Intake;
 use super::publisher_slot::PublisherSlot;
 use super::{Configured, Occupied, Place, Publication, Refused, Seat, Session, StreamName};
@@ -79,7 +79,7 @@ pub struct Stream {
 pub(super) struct Parts {
     pub name: StreamName,
     pub configured: Configured,
-    pub history: usize,
+    pub history: HistoryLimits,
     pub subscriber_queue: usize,
     /// How long a publisher that vanished is expected back.
     pub linger: Duration,
@@ -201,6 +201,14 @@ impl Stream {
         self.history().newest().cloned()
     }
 
+    /// The numbers of the oldest and the newest frame that are out and remembered.
+    #[must_use]
+    pub fn remembered(&self) -> Option<(u64, u64)> {
+        let history = self.history();
+        let (oldest, newest) = (history.after(None)?, history.newest()?);
+        Some((oldest.metrics.seq, newest.metrics.seq))
+    }
+
     /// The newest `count` frames that are out, oldest first.
     #[must_use]
     pub fn last(&self, count: usize) -> Vec<Arc<Delivered>> {
@@ -250,7 +258,6 @@ impl Stream {
         let last_arrival = *lock(&self.last_arrival);
         let is_live =
             last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR) || self.has_publisher();
-        let created = self.created.duration_since(SystemTime::UNIX_EPOCH);
         StreamSummary {
             stream: self.name.to_string(),
             state: if is_live {
@@ -270,8 +277,15 @@ impl Stream {
             subscribers: usize::try_from(self.metrics.subscribers.get()).unwrap_or_default(),
             queued: counters.queued.load(Relaxed),
             latest_seq: self.newest().map(|frame| frame.metrics.seq),
-            created_us: microseconds(created.unwrap_or_default()),
+            created_us: self.created_us(),
         }
+    }
+
+    /// When it was made, in microseconds since 1970.
+    #[must_use]
+    pub fn created_us(&self) -> u64 {
+        let created = self.created.duration_since(SystemTime::UNIX_EPOCH);
+        microseconds(created.unwrap_or_default())
     }
 
     pub(super) fn metrics(&self) -> &StreamMetrics {

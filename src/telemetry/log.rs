@@ -86,6 +86,9 @@ pub fn set_up(options: &Options, tracer: Option<SdkTracer>) -> Result<(), NotSet
     let filter = options.filter()?.and(is_for_log);
     let lines = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
+        // A line that cannot be written, on a full disk say, is lost. Saying so on the same full
+        // disk would panic.
+        .log_internal_errors(false)
         .with_writer(std::io::stderr);
     let lines = match options.format {
         Format::Text => lines.boxed(),

@@ -167,7 +167,8 @@ async fn a_body_that_does_not_come_in_time_is_given_up() {
     let mut socket = tokio::net::TcpStream::connect(server.server.address())
         .await
         .unwrap();
-    let head = "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: x\r\nContent-Length: 900\r\n\r\n";
+    let head =
+        "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: localhost\r\nContent-Length: 900\r\n\r\n";
     socket.write_all(head.as_bytes()).await.unwrap();
     let mut answer = [0; 12];
     socket.read_exact(&mut answer).await.unwrap();

@@ -302,7 +302,7 @@ async fn a_publisher_that_hangs_up_leaves_the_stream_as_it_was() {
         .await
         .unwrap();
     let head = format!(
-        "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: x\r\nContent-Length: {}\r\n\r\n",
+        "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n",
         body.len()
     );
     socket.write_all(head.as_bytes()).await.unwrap();
@@ -319,7 +319,8 @@ async fn a_rig_whose_body_stalls_holds_no_place() {
     let mut stalled = tokio::net::TcpStream::connect(server.server.address())
         .await
         .unwrap();
-    let head = "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: x\r\nContent-Length: 900\r\n\r\nx";
+    let head =
+        "POST /v1/streams/demo/frames HTTP/1.1\r\nHost: localhost\r\nContent-Length: 900\r\n\r\nx";
     stalled.write_all(head.as_bytes()).await.unwrap();
     server.publish("demo", frames(1).remove(0)).await;
 }

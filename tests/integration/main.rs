@@ -7,6 +7,7 @@
 )]
 
 mod bad_input;
+mod connections;
 mod control;
 mod frames;
 mod ingest;

@@ -294,6 +294,91 @@ async fn a_message_over_the_limit_ends_the_connection_with_its_code() {
     assert_eq!(rig.close_code().await, CloseCode::Size);
 }
 
+/// A request that takes all the memory there is for frames, for as long as it stays half.
+async fn take_all_memory(server: &TestServer, bytes: usize) -> tokio::net::TcpStream {
+    use tokio::io::AsyncWriteExt;
+    let mut half = tokio::net::TcpStream::connect(server.server.address())
+        .await
+        .unwrap();
+    let head = format!(
+        "POST /v1/streams/other/frames HTTP/1.1\r\nhost: localhost\r\ncontent-length: {bytes}\r\n\r\n"
+    );
+    half.write_all(head.as_bytes()).await.unwrap();
+    // Once a second such request is refused, the first one has the memory.
+    while server
+        .post("other", vec![0; 2000])
+        .send()
+        .await
+        .unwrap()
+        .status()
+        != StatusCode::SERVICE_UNAVAILABLE
+    {}
+    half
+}
+
+fn with_little_memory(config: &mut steadymesh::config::Config) {
+    config.limits.memory_bytes = 1 << 20;
+    config.limits.body_timeout_secs = 2;
+}
+
+#[tokio::test]
+async fn a_small_frame_for_which_there_is_no_memory_is_rejected_with_the_limits_name() {
+    let server = start_with(with_little_memory).await;
+    let mut rig = connect(&server, "").await;
+    let _half = take_all_memory(&server, 1 << 20).await;
+    rig.send(vec![0; 1000]).await;
+    let ack = rig.ack().await;
+    assert_eq!(ack["problem"]["status"], 503, "{ack}");
+    let detail = ack["problem"]["detail"].as_str().unwrap();
+    assert!(detail.contains("limits.memory_bytes"), "{ack}");
+}
+
+#[tokio::test]
+async fn a_large_frame_waits_for_memory_while_it_comes_in() {
+    let server = start_with(with_little_memory).await;
+    let body = crate::support::frames_of(16_000, 1).remove(0);
+    assert!(400_000 < body.len() && body.len() < 1 << 20);
+    let mut rig = connect(&server, "").await;
+    let half = take_all_memory(&server, 1 << 20).await;
+    let sending = async {
+        rig.send(body).await;
+        rig.ack().await
+    };
+    tokio::pin!(sending);
+    let waiting = tokio::time::timeout(Duration::from_millis(500), &mut sending).await;
+    assert!(waiting.is_err(), "{waiting:?}");
+    drop(half);
+    assert_eq!(sending.await["state"], "accepted");
+}
+
+#[tokio::test]
+async fn a_frame_that_finds_no_memory_in_time_or_never_could_ends_the_connection() {
+    let server = start_with(with_little_memory).await;
+    let rig = connect(&server, "").await;
+    let _half = take_all_memory(&server, 1 << 20).await;
+    let body = Message::Binary(vec![0; 900_000].into());
+    let (mut sink, mut stream) = rig.connection.socket.split();
+    let (_, code) = tokio::join!(sink.send(body), async {
+        loop {
+            if let Some(Ok(Message::Close(Some(close)))) = stream.next().await {
+                return close;
+            }
+        }
+    });
+    assert_eq!(code.code, CloseCode::Again);
+    assert!(code.reason.contains("limits.memory_bytes"), "{code:?}");
+
+    let server = start_with(|config| {
+        config.limits.memory_bytes = 100_000;
+        config.limits.body_timeout_secs = 3600;
+    })
+    .await;
+    let mut rig = connect(&server, "").await;
+    let body = Message::Binary(vec![0; 2_000_000].into());
+    rig.connection.socket.send(body).await.ok();
+    assert_eq!(rig.close_code().await, CloseCode::Again);
+}
+
 #[tokio::test]
 async fn a_publisher_is_told_when_its_stream_is_deleted_and_when_the_server_stops() {
     let server = start().await;

@@ -196,6 +196,32 @@ async fn a_page_sends_its_token_as_a_subprotocol_or_fetches_a_ticket() {
     assert_eq!(denied.status(), StatusCode::FORBIDDEN);
 }
 
+async fn ticket_for(server: &TestServer, token: &str, stream: &str) -> String {
+    let wanted = json!({"stream": stream, "scope": "subscribe"}).to_string();
+    let request = server.client.post(server.url("/v1/tickets"));
+    let answer = request.bearer_auth(token).body(wanted).send().await;
+    let answer: Value = answer.unwrap().json().await.unwrap();
+    answer["ticket"].as_str().unwrap().to_owned()
+}
+
+#[tokio::test]
+async fn a_ticket_is_not_used_up_by_a_handshake_that_fails_and_opens_one_connection_only() {
+    let server = start_with(with_tokens).await;
+    let ticket = ticket_for(&server, "player", "rig-1").await;
+    let path = format!("/v1/streams/rig-1/subscribe?ticket={ticket}");
+    assert_eq!(connect(&server, &path, &[]).await, Err(404));
+    status(&server, Method::PUT, "/v1/streams/rig-1", "boss").await;
+    let plain = server.get(&path).await;
+    assert_eq!(plain.status(), StatusCode::BAD_REQUEST);
+    let (one, other) = tokio::join!(connect(&server, &path, &[]), connect(&server, &path, &[]));
+    let outcomes = [one.map(|_| ()), other.map(|_| ())];
+    assert!(
+        outcomes.contains(&Ok(())) && outcomes.contains(&Err(401)),
+        "{outcomes:?}"
+    );
+    assert_eq!(connect(&server, &path, &[]).await, Err(401));
+}
+
 #[tokio::test]
 async fn a_connection_ends_when_its_token_expires() {
     let server = start_with(|config| {
@@ -269,7 +295,7 @@ async fn connections_over_the_limit_are_told_so_and_others_go_on() {
             .await
             .unwrap();
         socket
-            .write_all(b"GET /v1/streams HTTP/1.1\r\nHost: x\r\n\r\n")
+            .write_all(b"GET /v1/streams HTTP/1.1\r\nHost: localhost\r\n\r\n")
             .await
             .unwrap();
         let mut start = [0; 12];

@@ -16,7 +16,7 @@ use std::time::SystemTime;
 pub(super) use credential::{Credential, is_credential};
 pub use jwt::{JwtAlgorithm, JwtOptions, UnusableKey};
 pub use scope::Scope;
-pub(super) use ticket::{TICKET_LIFETIME, Tickets};
+pub(super) use ticket::{Claim, TICKET_LIFETIME, Tickets};
 pub use token::{Expiry, InvalidHash, TokenHash, TokenOptions};
 
 use serde::{Deserialize, Serialize};
@@ -91,7 +91,8 @@ impl Auth {
         })
     }
 
-    /// Finds out what a credential opens; none if no credential is needed here.
+    /// Finds out what a credential opens; none if no credential is needed here. A ticket comes
+    /// with a claim on it, which is to be used up when it has opened something.
     ///
     /// # Errors
     ///
@@ -101,19 +102,22 @@ impl Auth {
         credential: &Credential,
         tickets: &Tickets,
         now: SystemTime,
-    ) -> Result<Option<Grant>, Denied> {
+    ) -> Result<Option<(Grant, Option<Claim>)>, Denied> {
         if self.tokens.is_empty() && self.jwt.is_none() {
             return Ok(None);
         }
-        let grant = match credential {
+        let (grant, claim) = match credential {
             Credential::None => return Err(Denied::Missing),
-            Credential::Ticket(ticket) => tickets.redeem(ticket, now).ok_or(Denied::Unknown)?,
-            Credential::Token(token) => self.grant_of_token(token)?,
+            Credential::Ticket(ticket) => {
+                let (grant, claim) = tickets.claim(ticket, now).ok_or(Denied::Unknown)?;
+                (grant, Some(claim))
+            }
+            Credential::Token(token) => (self.grant_of_token(token)?, None),
         };
         if grant.expires.is_some_and(|expires| expires <= now) {
             return Err(Denied::Expired);
         }
-        Ok(Some(grant))
+        Ok(Some((grant, claim)))
     }
 
     fn grant_of_token(&self, token: &str) -> Result<Grant, Denied> {
@@ -179,14 +183,15 @@ mod tests {
 
     fn grant(auth: &Auth, token: &str) -> Result<Option<Grant>, Denied> {
         let credential = Credential::Token(token.to_owned());
-        auth.grant(&credential, &Tickets::default(), SystemTime::now())
+        let granted = auth.grant(&credential, &Tickets::default(), SystemTime::now())?;
+        Ok(granted.map(|(grant, _)| grant))
     }
 
     #[test]
     fn without_tokens_everybody_may_do_everything() {
         let auth = Auth::default();
         let granted = auth.grant(&Credential::None, &Tickets::default(), SystemTime::now());
-        assert_eq!(granted, Ok(None));
+        assert!(granted.is_ok_and(|granted| granted.is_none()));
     }
 
     #[test]
@@ -208,7 +213,7 @@ mod tests {
         assert_eq!(granted.check(Scope::Publish, &other), Err(denied));
         assert_eq!(grant(&auth, "Secret"), Err(Denied::Unknown));
         let missing = auth.grant(&Credential::None, &Tickets::default(), SystemTime::now());
-        assert_eq!(missing, Err(Denied::Missing));
+        assert_eq!(missing.err(), Some(Denied::Missing));
     }
 
     #[test]
@@ -223,15 +228,30 @@ mod tests {
         let auth = auth(None);
         let granted = grant(&auth, "secret").unwrap().unwrap();
         let (tickets, now) = (Tickets::default(), SystemTime::now());
-        let redeem =
-            |ticket: &str, now| auth.grant(&Credential::Ticket(ticket.to_owned()), &tickets, now);
+        let claim = |ticket: &str, now| {
+            let credential = Credential::Ticket(ticket.to_owned());
+            let granted = auth.grant(&credential, &tickets, now)?;
+            Ok(granted.and_then(|(_, claim)| claim).unwrap())
+        };
         let ticket = tickets.issue(granted.clone(), [1; 16], now).unwrap();
-        assert_eq!(redeem(&ticket, now), Ok(Some(granted.clone())));
-        assert_eq!(redeem(&ticket, now), Err(Denied::Unknown));
+        claim(&ticket, now).unwrap().use_up();
+        assert_eq!(claim(&ticket, now).err(), Some(Denied::Unknown));
         let late = tickets.issue(granted, [2; 16], now).unwrap();
-        assert_eq!(
-            redeem(&late, now + Duration::from_secs(60)),
-            Err(Denied::Unknown)
-        );
+        let denied = claim(&late, now + Duration::from_secs(60)).err();
+        assert_eq!(denied, Some(Denied::Unknown));
+    }
+
+    #[test]
+    fn a_ticket_whose_handshake_fails_opens_later_and_never_twice_at_once() {
+        let grant = grant(&auth(None), "secret").unwrap().unwrap();
+        let (tickets, now) = (Tickets::default(), SystemTime::now());
+        let ticket = tickets.issue(grant.clone(), [1; 16], now).unwrap();
+        let first = tickets.claim(&ticket, now);
+        assert!(tickets.claim(&ticket, now).is_none());
+        drop(first);
+        let (granted, claim) = tickets.claim(&ticket, now).unwrap();
+        assert_eq!(granted, grant);
+        claim.use_up();
+        assert!(tickets.claim(&ticket, now).is_none());
     }
 }

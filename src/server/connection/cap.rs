@@ -12,18 +12,23 @@ use axum_server::accept::Accept;
 use futures_util::future::BoxFuture;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadBuf};
 use tokio::net::TcpStream;
+use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
-use super::App;
+use crate::server::App;
 
 /// How long a client that is sent away may take to read why.
 const FAREWELL: Duration = Duration::from_millis(500);
+/// Clients that are told why at a time. More are sent away without a word, so that a flood of
+/// connections over the limit takes no more files than these.
+const MAX_FAREWELLS: usize = 64;
 
 /// Lets connections in while there is room for them.
 #[derive(Debug, Clone)]
-pub(super) struct ConnectionCap {
+pub(in crate::server) struct ConnectionCap {
     app: Arc<App>,
     counts: Arc<Mutex<Counts>>,
+    farewells: Arc<Semaphore>,
     /// Whether an answer can be sent as it is, which it cannot before a TLS handshake.
     is_plain: bool,
 }
@@ -36,7 +41,7 @@ struct Counts {
 
 /// A connection that is counted for as long as it lasts.
 #[derive(Debug)]
-pub(super) struct Counted {
+pub(in crate::server) struct Counted {
     stream: TcpStream,
     _guard: Guard,
 }
@@ -52,6 +57,7 @@ impl ConnectionCap {
         Self {
             app,
             counts: Arc::default(),
+            farewells: Arc::new(Semaphore::new(MAX_FAREWELLS)),
             is_plain,
         }
     }
@@ -129,7 +135,9 @@ impl<S: Send + 'static> Accept<TcpStream, S> for ConnectionCap {
                 }
                 Err(reason) => {
                     cap.app.telemetry.refused_connections.inc();
-                    if cap.is_plain {
+                    if cap.is_plain
+                        && let Ok(_turn) = cap.farewells.try_acquire()
+                    {
                         timeout(FAREWELL, send_away(stream, &reason)).await.ok();
                     }
                     Err(io::Error::other(reason))
