@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use steadymesh::pipeline::{PreparedFrame, RawFrame, Settings, TargetSize, process};
+use steadymesh::pipeline::{PreparedFrame, Previous, RawFrame, Settings, TargetSize, process};
 use steadymesh_mesh_io::{Limits, read, sniff};
 
 const LIMITS: Limits = Limits {
