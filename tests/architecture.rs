@@ -206,7 +206,7 @@ fn only_the_server_knows_http() {
 }
 
 #[test]
-fn unsafe_code_is_in_the_draco_crates_only() {
+fn unsafe_code_is_in_the_draco_crates_and_the_heaps_only() {
     let mut wrong = Vec::new();
     for folder in [
         "src",

@@ -1,7 +1,7 @@
 //! All live streams, by name.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use arc_swap::ArcSwap;
@@ -291,12 +291,31 @@ impl Shared {
             idle_timeout: options.idle_timeout,
         };
         streams.insert(name.clone(), Arc::clone(&stream));
-        let shared = Arc::clone(self);
+        let (shared, remains) = (Arc::clone(self), Arc::downgrade(&stream));
         self.tasks.spawn(async move {
             task.run().await;
             shared.lock().retain(|_, stream| !stream.has_ended());
+            if !shared.tasks.is_closed() {
+                give_memory_back(&remains).await;
+            }
         });
         tracing::info!(stream = %name, "stream created");
         Ok((stream, true))
     }
+}
+
+/// Gives back what an ended stream has taken, once its readers have left or have had their time.
+async fn give_memory_back(remains: &Weak<Stream>) {
+    const LOOK_AGAIN: Duration = Duration::from_millis(100);
+    const MAX_LOOKS: u32 = 20;
+    for _ in 0..MAX_LOOKS {
+        if remains.strong_count() == 0 {
+            break;
+        }
+        tokio::time::sleep(LOOK_AGAIN).await;
+    }
+    // Fails only if the server ends meanwhile, and the memory with it.
+    tokio::task::spawn_blocking(steadymesh_heap::release)
+        .await
+        .ok();
 }

@@ -1,6 +1,6 @@
 """200 clients ask for a large frame and never read their answer, 100 do nothing at all, and one
-publisher says nothing after its welcome: all are closed in time, their memory comes back, and a
-healthy rig and player lose nothing."""
+publisher says nothing after its welcome: all are closed in time, their memory comes back when
+the stream ends, and a healthy rig and player lose nothing."""
 
 import time
 
@@ -59,13 +59,18 @@ def run(workshop):
     check(SILENCE - 2 < silence < SILENCE + 10, f"after {silence:.1f} s")
     rig.stop()
     check(player.is_there and player.lost == 0, f"{player.lost} frames were lost")
+    kept = server.resident_mib()
+    check(request(large, "DELETE")[0] == 204, "the large stream is deleted")
+    wait_until(
+        lambda: server.resident_mib() < memory_before + 50, 10, f"{kept:.0f} MiB are given back"
+    )
     return {
         "closed within": f"{closed:.1f} s",
         "of them cut short": cut,
         "idle closed after": f"{first:.1f} to {last:.1f} s",
         "silent publisher": f"{code} after {silence:.0f} s",
         "resident": f"{memory_before:.0f} MiB before, {peak:.0f} at most, "
-        f"{server.resident_mib():.0f} after",
+        f"{kept:.0f} after, {server.resident_mib():.0f} without the stream",
         "frames": len(player.seqs),
         "p99": f"{1000 * player.p99():.0f} ms",
     }
