@@ -15,14 +15,13 @@
     reason = "a tool for developers: it ends with a message where something is wrong"
 )]
 
+mod rate;
+
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant, SystemTime};
 
-use axum::Router;
-use axum::extract::ws::{Message as AxumMessage, WebSocketUpgrade};
-use axum::routing::get;
 use bytes::Bytes;
 use clap::Parser;
 use futures_util::{SinkExt, StreamExt};
@@ -54,9 +53,9 @@ struct Arguments {
     /// How long, after all players are there.
     #[arg(long, default_value_t = 30)]
     seconds: u64,
-    /// Seconds for each of the two measurements of the rate; 0 for none.
-    #[arg(long, default_value_t = 5)]
-    rate_seconds: u64,
+    /// Frames for each of the two measurements of the rate, at most 280; 0 for none.
+    #[arg(long, default_value_t = 200)]
+    rate_frames: usize,
 }
 
 /// What one player saw.
@@ -114,8 +113,8 @@ async fn run(arguments: &Arguments) {
     stop.store(true, Relaxed);
     rig.await.unwrap();
     report(players).await;
-    if 0 < arguments.rate_seconds {
-        compare_rates(arguments, server.address()).await;
+    if 0 < arguments.rate_frames {
+        rate::compare(&bodies, arguments.rate_frames).await;
     }
     server.shut_down().await;
 }
@@ -321,104 +320,4 @@ async fn report(players: Players) {
         quantile(0.99),
         quantile(1.0)
     );
-}
-
-/// Messages a second to readers that take all they can get: once by a bare loop, once by a
-/// stream of frames so small that sending them is most of the work.
-async fn compare_rates(arguments: &Arguments, address: SocketAddr) {
-    const READERS: usize = 400;
-    const RIGS: usize = 3;
-    let body = Bytes::from(tetrahedron().encode());
-    let client = reqwest::Client::new();
-    let url = format!("http://{address}/v1/streams/rate/frames");
-    let request = client
-        .post(&url)
-        .header("prefer", "wait")
-        .body(body.clone());
-    assert_eq!(request.send().await.unwrap().status(), 200);
-    let subscribe = format!("ws://{address}/v1/streams/rate/subscribe");
-    let (mut socket, _) = tokio_tungstenite::connect_async(&subscribe).await.unwrap();
-    let message = loop {
-        if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap() {
-            break bytes;
-        }
-    };
-    drop(socket);
-    let seconds = Duration::from_secs(arguments.rate_seconds);
-    let length = message.len();
-    let bare = serve_bare(message).await;
-    let bare = rate(&format!("ws://{bare}/"), READERS, seconds).await;
-    println!("{READERS} readers, messages of {length} bytes: a bare loop sends {bare:.0} a second");
-
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut rigs = Vec::new();
-    for _ in 0..RIGS {
-        let (stop, body, client) = (Arc::clone(&stop), body.clone(), client.clone());
-        let url = url.clone();
-        rigs.push(tokio::spawn(async move {
-            while !stop.load(Relaxed) {
-                client.post(&url).body(body.clone()).send().await.unwrap();
-            }
-        }));
-    }
-    let stream = rate(&subscribe, READERS, seconds).await;
-    stop.store(true, Relaxed);
-    for rig in rigs {
-        rig.await.unwrap();
-    }
-    println!(
-        "a stream sends {stream:.0} a second: {:.0} %",
-        100.0 * stream / bare
-    );
-}
-
-fn tetrahedron() -> NativeFrame {
-    NativeFrame {
-        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        faces: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]],
-        ..NativeFrame::default()
-    }
-}
-
-async fn serve_bare(message: Bytes) -> SocketAddr {
-    let handler = move |upgrade: WebSocketUpgrade| {
-        let message = message.clone();
-        async move {
-            upgrade.on_upgrade(move |socket| async move {
-                let (mut sink, _stream) = socket.split();
-                while sink
-                    .send(AxumMessage::Binary(message.clone()))
-                    .await
-                    .is_ok()
-                {}
-            })
-        }
-    };
-    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let router = Router::new().route("/", get(handler));
-    tokio::spawn(async move { axum::serve(listener, router).await });
-    address
-}
-
-async fn rate(url: &str, readers: usize, seconds: Duration) -> f64 {
-    let count = Arc::new(AtomicU64::new(0));
-    let mut tasks = Vec::new();
-    for _ in 0..readers {
-        let (mut socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
-        let count = Arc::clone(&count);
-        tasks.push(tokio::spawn(async move {
-            while let Some(Ok(message)) = socket.next().await {
-                count.fetch_add(u64::from(message.is_binary()), Relaxed);
-            }
-        }));
-    }
-    tokio::time::sleep(Duration::from_secs(1)).await;
-    let (before, begun) = (count.load(Relaxed), Instant::now());
-    tokio::time::sleep(seconds).await;
-    let rate = (count.load(Relaxed) - before) as f64 / begun.elapsed().as_secs_f64();
-    for task in tasks {
-        task.abort();
-    }
-    rate
 }
