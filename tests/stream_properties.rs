@@ -1,5 +1,7 @@
 //! Whatever publishers and players do in whatever order, a stream's promises hold.
 
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 

@@ -5,8 +5,7 @@ use std::time::Duration;
 
 use axum::Extension;
 use axum::extract::State;
-use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::extract::ws::{Message, WebSocket, close_code};
 use axum::response::Response;
 use bytes::Bytes;
 use futures_util::StreamExt;
@@ -17,7 +16,6 @@ use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{DropReason, FrameState, PublishReply, PublisherMessage};
 use tokio::time::{Instant, sleep, timeout};
 use tokio_tungstenite::tungstenite;
-use tracing::Instrument;
 
 use crate::streams::{Loss, Outcome, Publication, Session, Stream, Submission, Ticket};
 
@@ -27,10 +25,9 @@ use super::connection::Link;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
 use super::ingest::{Stamps, sniffed_format, with_native_stamps};
-use super::request_log::LogSpan;
 use super::socket::{
-    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, NotSent, Outgoing,
-    SILENCE,
+    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, Handshake,
+    NotSent, Outgoing, SILENCE,
 };
 use super::{App, Options};
 
@@ -61,12 +58,11 @@ pub(super) async fn publish(
     State(app): State<Arc<App>>,
     Asking { name, credential }: Asking,
     Strict(arrival): Strict<Arrival>,
-    Extension(LogSpan(span)): Extension<LogSpan>,
     Extension(link): Extension<Link>,
-    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+    handshake: Handshake,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Publish, &name)?;
-    let upgrade = socket::accept(upgrade)?;
+    let handshake = socket::accept(handshake)?;
     let stream = app.registry.get_or_create(&name)?;
     let session = match arrival.session {
         Some(session) => Session::from_client(&session),
@@ -85,9 +81,9 @@ pub(super) async fn publish(
             access,
             link,
         };
-        serve(socket, rig, &options).instrument(span).await;
+        serve(socket, rig, &options).await;
     };
-    Ok(socket::open(&shared, upgrade, access, limit, serve))
+    Ok(socket::open(&shared, handshake, access, limit, serve))
 }
 
 fn new_session() -> Result<Session, Problem> {

@@ -1,10 +1,13 @@
 //! What both kinds of WebSocket connections need: the handshake, messages with a deadline, signs
 //! of life, and taking leave.
 
+use std::convert::Infallible;
 use std::time::Duration;
 
+use axum::extract::FromRequestParts;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, WebSocketUpgrade, close_code};
+use axum::http::request::Parts;
 use axum::response::Response;
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
@@ -12,11 +15,13 @@ use serde::Serialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::EndReason;
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval_at, timeout};
+use tracing::{Instrument, Span};
 
 use super::App;
 use super::access::Access;
 use super::auth::is_credential;
 use super::error::Problem;
+use super::request_log::LogSpan;
 
 /// A client is asked for a sign of life this often,
 const PING_EVERY: Duration = Duration::from_secs(20);
@@ -63,14 +68,37 @@ impl Chatter {
     }
 }
 
+/// A request that may be a handshake.
+pub(super) struct Handshake {
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+    /// Under which the connection is logged.
+    span: Span,
+}
+
+/// A handshake that can be completed.
+pub(super) struct Accepted {
+    upgrade: WebSocketUpgrade,
+    span: Span,
+}
+
+impl<S: Send + Sync> FromRequestParts<S> for Handshake {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Infallible> {
+        let span = parts.extensions.get::<LogSpan>();
+        Ok(Self {
+            span: span.map_or_else(Span::none, |span| span.0.clone()),
+            upgrade: WebSocketUpgrade::from_request_parts(parts, state).await,
+        })
+    }
+}
+
 /// Checks the handshake and the subprotocol. A client that offers none gets the only one.
 ///
 /// # Errors
 ///
 /// 400 if the request is no handshake, or offers other subprotocols only.
-pub(super) fn accept(
-    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
-) -> Result<WebSocketUpgrade, Problem> {
+pub(super) fn accept(Handshake { upgrade, span }: Handshake) -> Result<Accepted, Problem> {
     let upgrade = upgrade.map_err(|error| {
         Problem::bad_request(format!(
             "this address speaks WebSocket, subprotocol {SUBPROTOCOL}: {}",
@@ -96,14 +124,17 @@ pub(super) fn accept(
                 .join(", ")
         )));
     }
-    Ok(upgrade.protocols([SUBPROTOCOL]))
+    Ok(Accepted {
+        upgrade: upgrade.protocols([SUBPROTOCOL]),
+        span,
+    })
 }
 
 /// Completes a handshake that has been accepted, and then serves the connection. The server waits
 /// for it when it stops.
 pub(super) fn open<S, F>(
     app: &App,
-    upgrade: WebSocketUpgrade,
+    Accepted { upgrade, span }: Accepted,
     mut access: Access,
     max_message_bytes: usize,
     serve: S,
@@ -118,7 +149,7 @@ where
         .max_frame_size(max_message_bytes)
         .on_upgrade(move |socket| async move {
             access.begin();
-            serve(socket, access).await;
+            serve(socket, access).instrument(span).await;
             drop(ongoing);
         })
 }

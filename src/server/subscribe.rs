@@ -3,10 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Extension;
 use axum::extract::State;
-use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::ws::{Message, WebSocket};
 use axum::response::Response;
 use futures_util::StreamExt;
 use futures_util::stream::SplitStream;
@@ -14,7 +12,6 @@ use serde::Deserialize;
 use steadymesh_proto::SUBPROTOCOL;
 use steadymesh_proto::stream::{ControlMessage, EndReason};
 use tokio::time::timeout;
-use tracing::Instrument;
 
 use crate::streams::{Delivery, Seat, Stream, Subscription};
 
@@ -23,10 +20,9 @@ use super::access::Access;
 use super::auth::Scope;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
-use super::request_log::LogSpan;
 use super::socket::{
-    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, NotSent,
-    Outgoing, SILENCE, text_of,
+    self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, Handshake,
+    NotSent, Outgoing, SILENCE, text_of,
 };
 
 /// Players say nothing but pongs and farewells.
@@ -79,8 +75,7 @@ pub(super) async fn subscribe(
     State(app): State<Arc<App>>,
     Asking { name, credential }: Asking,
     Strict(wishes): Strict<Wishes>,
-    Extension(LogSpan(span)): Extension<LogSpan>,
-    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+    handshake: Handshake,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Subscribe, &name)?;
     let pace = wishes.pace()?;
@@ -89,7 +84,7 @@ pub(super) async fn subscribe(
         .registry
         .get(&name)
         .ok_or_else(|| Problem::no_stream(&name))?;
-    let upgrade = socket::accept(upgrade)?;
+    let handshake = socket::accept(handshake)?;
     let limit = app.options().max_subscribers;
     let Some(seat) = stream.take_seat(limit) else {
         return Err(Problem::over_limit(format!(
@@ -100,12 +95,11 @@ pub(super) async fn subscribe(
     let serve = async move |socket, access| {
         app.telemetry.connections.inc();
         let reader = Reader { seat, access, pace };
-        let serving = serve(socket, &reader, app.options().send_timeout);
-        serving.instrument(span).await;
+        serve(socket, &reader, app.options().send_timeout).await;
         app.telemetry.connections.dec();
     };
     let limit = MAX_MESSAGE_BYTES;
-    Ok(socket::open(&shared, upgrade, access, limit, serve))
+    Ok(socket::open(&shared, handshake, access, limit, serve))
 }
 
 /// A player that has been let in.
