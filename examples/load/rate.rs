@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::extract::ws::{Message as AxumMessage, WebSocketUpgrade};
 use axum::routing::get;
+use axum::serve::ListenerExt;
 use bytes::Bytes;
 use futures_util::{SinkExt, StreamExt};
 use steadymesh::compute::ComputePool;
@@ -126,6 +127,14 @@ async fn serve_bare(messages: Vec<Bytes>) -> SocketAddr {
     };
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
+    // As the server does: what lies in the system's buffers is not sent any more, only read.
+    let buffer = Config::default().limits.send_buffer_bytes;
+    let listener = listener.tap_io(move |stream| {
+        socket2::SockRef::from(&*stream)
+            .set_send_buffer_size(buffer)
+            .unwrap();
+        stream.set_nodelay(true).unwrap();
+    });
     let router = Router::new().route("/", get(handler));
     tokio::spawn(async move { axum::serve(listener, router).await });
     address
