@@ -79,7 +79,7 @@ fn main() {
 }
 
 async fn run(arguments: &Arguments) {
-    let server = start_server().await;
+    let server = start_server(|_| {}).await;
     let bodies = Arc::new(frames());
     let stop = Arc::new(AtomicBool::new(false));
     let published = Arc::new(AtomicU64::new(0));
@@ -118,17 +118,18 @@ async fn run(arguments: &Arguments) {
     server.shut_down().await;
 }
 
-async fn start_server() -> Server {
+/// A server whose frames have 4,000 faces already: what is measured is the way out.
+async fn start_server(change: impl FnOnce(&mut Config)) -> Server {
     let anywhere: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let mut config = Config {
         listen: anywhere,
         internal_listen: anywhere,
         ..Config::default()
     };
-    // The frames have 4,000 faces already: what is measured is the way out.
     config.streams.defaults.target_faces = Some(4000);
     config.streams.defaults.tracking = Some(Tracking::Off);
     config.streams.defaults.metrics = Some(MetricsMode::Off);
+    change(&mut config);
     let pool = Arc::new(ComputePool::new(config.compute()).unwrap());
     let telemetry = Arc::new(Telemetry::new().unwrap());
     let registry =

@@ -14,22 +14,23 @@ use axum::routing::get;
 use axum::serve::ListenerExt;
 use bytes::Bytes;
 use futures_util::{SinkExt, StreamExt};
-use steadymesh::compute::ComputePool;
 use steadymesh::config::Config;
-use steadymesh::server::Server;
-use steadymesh::streams::Registry;
-use steadymesh::telemetry::Telemetry;
 use steadymesh_proto::NativeFrame;
-use steadymesh_proto::metrics::Tracking;
-use steadymesh_proto::stream::MetricsMode;
 use tokio::sync::watch;
 use tokio_tungstenite::tungstenite::Message;
+
+use super::start_server;
 
 const READERS: usize = 400;
 
 /// Prints both rates and their ratio.
 pub async fn compare(frames: &[NativeFrame], count: usize) {
-    let server = start_server(count).await;
+    let server = start_server(|config| {
+        // All readers lie behind by all frames before they start.
+        config.streams.subscriber_queue = count + 10;
+        config.limits.send_timeout_secs = 600;
+    })
+    .await;
     let address = server.address();
     let messages = publish(address, "first", frames, count).await;
     let length = messages.iter().map(Bytes::len).sum::<usize>() / count;
@@ -51,28 +52,6 @@ pub async fn compare(frames: &[NativeFrame], count: usize) {
         100.0 * stream / bare
     );
     server.shut_down().await;
-}
-
-/// A server whose readers may lie `count` frames behind.
-async fn start_server(count: usize) -> Server {
-    let anywhere: SocketAddr = "127.0.0.1:0".parse().unwrap();
-    let mut config = Config {
-        listen: anywhere,
-        internal_listen: anywhere,
-        ..Config::default()
-    };
-    config.streams.defaults.target_faces = Some(4000);
-    config.streams.defaults.tracking = Some(Tracking::Off);
-    config.streams.defaults.metrics = Some(MetricsMode::Off);
-    config.streams.subscriber_queue = count + 10;
-    config.limits.send_timeout_secs = 600;
-    let pool = Arc::new(ComputePool::new(config.compute()).unwrap());
-    let telemetry = Arc::new(Telemetry::new().unwrap());
-    let registry =
-        Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry)).unwrap();
-    Server::start(config.server(), registry, pool, telemetry)
-        .await
-        .unwrap()
 }
 
 /// Publishes frames, and gives the messages that players get.
