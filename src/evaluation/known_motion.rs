@@ -1,7 +1,7 @@
 //! The synthetic rig as a sequence of frames whose true motion is known.
 
-use steadymesh_geometry::spatial::TriangleTree;
-use steadymesh_geometry::{Point, TriangleMesh, Vector};
+use steadymesh_geometry::spatial::{TriangleTree, barycentric};
+use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_synthetic_rig::{Frame, Options, OptionsError, Rig};
 
 use crate::pipeline::{PreparedFrame, RawFrame, UnusableFrame};
@@ -86,18 +86,9 @@ impl KnownFrame {
     fn rest_nearest_to(&self, point: &Point) -> Option<[f64; 3]> {
         let closest = self.surface.closest(point);
         let face = closest.face as usize;
-        let weights = barycentric(self.mesh.triangle(face), &closest.position);
+        let weights = barycentric(&closest.position, &self.mesh.triangle(face));
         self.frame.rest_at(face, weights)
     }
-}
-
-/// The barycentric coordinates of a point in the plane of a triangle that has an area.
-fn barycentric([a, b, c]: [Point; 3], point: &Point) -> [f64; 3] {
-    let (u, v, w): (Vector, Vector, Vector) = (b - a, c - a, point - a);
-    let normal = u.cross(&v);
-    let second = w.cross(&v).dot(&normal) / normal.norm_squared();
-    let third = u.cross(&w).dot(&normal) / normal.norm_squared();
-    [1.0 - second - third, second, third]
 }
 
 #[cfg(test)]
@@ -126,18 +117,5 @@ mod tests {
         let (still, moved) = (mean_distance(prepared.mesh()), mean_distance(&carried));
         // What is left is the difference of the two meshings.
         assert!(moved < 0.2 * still, "{moved} of {still}");
-    }
-
-    #[test]
-    fn barycentric_coordinates_lead_back_to_the_point() {
-        let triangle = [[1., 0., 0.], [3., 0., 1.], [1., 2., 1.]].map(Point::from);
-        let [a, b, c] = triangle.map(|corner| corner.coords);
-        let point = Point::from(a * 0.2 + b * 0.3 + c * 0.5);
-        for (found, expected) in barycentric(triangle, &point)
-            .into_iter()
-            .zip([0.2, 0.3, 0.5])
-        {
-            assert!((found - expected).abs() < 1e-12);
-        }
     }
 }

@@ -114,9 +114,7 @@ pub fn process_registered(
     };
     let hold = match (settings.tracking, &registered, &carried, &surface) {
         (Tracking::Paper, Some(registered), ..) => Hold::Reference(registered),
-        (Tracking::Robust, _, Some(carried), Some(surface)) => {
-            hold_by_anchors(carried, current, surface)
-        }
+        (Tracking::Robust, ..) => hold_by_anchors(carried.as_ref(), current, surface.as_ref()),
         _ => Hold::Nothing,
     };
     let simplified;
@@ -156,7 +154,8 @@ pub fn process_registered(
 enum Hold<'a> {
     Nothing,
     Reference(&'a TriangleMesh),
-    Anchors(Anchors),
+    /// None, for a frame of its own, and the surface of the frame.
+    Anchors(Option<Anchors>, Arc<TriangleTree>),
 }
 
 impl Hold<'_> {
@@ -168,9 +167,14 @@ impl Hold<'_> {
             Self::Reference(reference) => {
                 (simplify(mesh, Some(reference), &options), Tracking::Paper)
             }
-            Self::Anchors(anchors) => {
-                (simplify_anchored(mesh, anchors, &options), Tracking::Robust)
-            }
+            Self::Anchors(Some(anchors), surface) => (
+                simplify_anchored(mesh, surface, anchors, &options),
+                Tracking::Robust,
+            ),
+            Self::Anchors(None, surface) => (
+                simplify_anchored(mesh, surface, &Anchors::default(), &options),
+                Tracking::Off,
+            ),
         }
     }
 }
@@ -180,17 +184,24 @@ impl Hold<'_> {
 const MIN_MEAN_FIT: f64 = 0.3;
 
 fn hold_by_anchors<'a>(
-    carried: &CarriedOutput,
+    carried: Option<&CarriedOutput>,
     current: &PreparedFrame,
-    surface: &TriangleTree,
+    surface: Option<&Arc<TriangleTree>>,
 ) -> Hold<'a> {
     let mesh = current.mesh();
-    let options = &anchors::Options::default();
-    let anchors = Anchors::new(&carried.vertices, mesh, (surface, mean_edge(mesh)), options);
-    if anchors.mean_fit() < MIN_MEAN_FIT {
+    let Some(surface) = surface
+        .cloned()
+        .or_else(|| TriangleTree::new(mesh).map(Arc::new))
+    else {
         return Hold::Nothing;
-    }
-    Hold::Anchors(anchors)
+    };
+    let options = &anchors::Options::default();
+    let anchors = carried.and_then(|carried| {
+        let previous = (carried.vertices.as_slice(), carried.mesh()?.faces());
+        let anchors = Anchors::new(previous, mesh, (&surface, mean_edge(mesh)), options);
+        (MIN_MEAN_FIT <= anchors.mean_fit()).then_some(anchors)
+    });
+    Hold::Anchors(anchors, surface)
 }
 
 /// Compresses a mesh, and reads it back as players will see it.

@@ -1,7 +1,7 @@
 //! Carries what stands on the source along with it.
 
 use crate::mesh::face_normal;
-use crate::spatial::TriangleTree;
+use crate::spatial::{TriangleTree, barycentric};
 use crate::{Point, TriangleMesh, Vector};
 
 /// A point that was carried along.
@@ -59,21 +59,6 @@ pub fn carry(points: &[Point], source: &TriangleMesh, registered: &TriangleMesh)
         }
     };
     points.iter().map(carry_one).collect()
-}
-
-/// The barycentric coordinates of a point on a triangle; the first corner's where it has no area.
-fn barycentric(point: &Point, [a, b, c]: &[Point; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, point - a);
-    let normal = ab.cross(&ac);
-    let square = normal.norm_squared();
-    if square <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let (u, v) = (
-        ap.cross(&ac).dot(&normal) / square,
-        ab.cross(&ap).dot(&normal) / square,
-    );
-    [1.0 - u - v, u, v]
 }
 
 #[cfg(test)]

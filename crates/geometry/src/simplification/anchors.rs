@@ -7,16 +7,17 @@
 use crate::mesh::{Edge, face_normal};
 use crate::registration::{Carried, welsch_weight};
 use crate::spatial::TriangleTree;
-use crate::{Point, TriangleMesh, Vector};
+use crate::{Face, Point, TriangleMesh, Vector};
 
 use super::Quadric;
 use super::normalization::Normalization;
 use super::placement::place;
+use super::refinement::{self, Kept};
 
 /// How strongly the previous result holds the new one.
 ///
-/// Distances are in mean edges of the mesh, weights relative to the plane of a face. Tuned on
-/// human captures at a tenth of their faces.
+/// Distances are in mean edges of the mesh, weights relative to the planes of the faces that become
+/// one. Tuned on human captures at a tenth of their faces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Weight of the pull along the surface.
@@ -35,18 +36,42 @@ pub struct Options {
     pub residual_scale: f64,
     /// The angle between the normals of the two surfaces, in degrees, for which that holds too.
     pub angle_scale_degrees: f64,
+    /// What is done after edges were collapsed.
+    pub refinement: refinement::Options,
+}
+
+impl Options {
+    /// The usual options, holding on more or less: 0 is hardly at all, 0.5 the default, 1 as
+    /// strongly as is of use. What holds the new result grows with the square.
+    #[must_use]
+    pub fn with_strength(strength: f64) -> Self {
+        let factor = (2.0 * strength).powi(2);
+        let usual = Self::default();
+        Self {
+            weight: factor * usual.weight,
+            normal_weight: factor * usual.normal_weight,
+            merge_penalty: factor * usual.merge_penalty,
+            refinement: refinement::Options {
+                flip_tolerance: factor * usual.refinement.flip_tolerance,
+                anchor_hold: factor * usual.refinement.anchor_hold,
+                ..usual.refinement
+            },
+            ..usual
+        }
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
         Self {
-            weight: 0.95,
-            normal_weight: 2.1,
-            merge_penalty: 0.9,
-            pull_scale: 0.02,
-            far_pull: 0.12,
+            weight: 0.2,
+            normal_weight: 0.4,
+            merge_penalty: 2.0,
+            pull_scale: 0.05,
+            far_pull: 0.3,
             residual_scale: 0.3,
             angle_scale_degrees: 30.0,
+            refinement: refinement::Options::default(),
         }
     }
 }
@@ -56,7 +81,10 @@ impl Default for Options {
 pub struct Anchors {
     /// By vertex, ascending.
     anchors: Vec<Anchor>,
+    /// Those of the previous result.
+    pub(super) previous_faces: Vec<Face>,
     merge_penalty: f64,
+    pub(super) refinement: refinement::Options,
     /// The mean fit of all that was carried, 0 to 1.
     mean_fit: f64,
 }
@@ -64,6 +92,8 @@ pub struct Anchors {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Anchor {
     vertex: u32,
+    /// The one of the previous result that was carried here.
+    previous_vertex: u32,
     position: Point,
     /// How well it fits, above 0 and at most 1.
     fit: f64,
@@ -83,25 +113,35 @@ const MIN_FIT: f64 = 0.01;
 const MIN_PULL: f64 = 1e-6;
 
 impl Anchors {
-    /// Anchors `mesh` to what was carried onto it.
+    /// Anchors `mesh` to what was carried onto it: the vertices of the previous result, between
+    /// which `previous_faces` are.
     ///
     /// `surface` is that of `mesh`, and `mean_edge` the mean length of its edges. Of several
     /// anchors for the same vertex the fittest stays.
     #[must_use]
     pub fn new(
-        carried: &[Carried],
+        (carried, previous_faces): (&[Carried], &[Face]),
         mesh: &TriangleMesh,
         (surface, mean_edge): (&TriangleTree, f64),
         options: &Options,
     ) -> Self {
-        let attach = |carried| attach(carried, mesh, (surface, mean_edge), options);
-        let mut anchors: Vec<Anchor> = carried.iter().filter_map(attach).collect();
+        let attach = |(vertex, carried): (usize, &Carried)| {
+            attach(
+                (vertex as u32, carried),
+                mesh,
+                (surface, mean_edge),
+                options,
+            )
+        };
+        let mut anchors: Vec<Anchor> = carried.iter().enumerate().filter_map(attach).collect();
         let fit: f64 = anchors.iter().map(|anchor| anchor.fit).sum();
         anchors.sort_by(|a, b| a.vertex.cmp(&b.vertex).then(b.fit.total_cmp(&a.fit)));
         anchors.dedup_by_key(|anchor| anchor.vertex);
         Self {
             anchors,
+            previous_faces: previous_faces.to_vec(),
             merge_penalty: options.merge_penalty,
+            refinement: options.refinement.clone(),
             mean_fit: fit / carried.len().max(1) as f64,
         }
     }
@@ -115,7 +155,7 @@ impl Anchors {
 
 /// The anchor that a carried vertex makes: where its foot meets the current surface.
 fn attach(
-    carried: &Carried,
+    (previous_vertex, carried): (u32, &Carried),
     mesh: &TriangleMesh,
     (surface, mean_edge): (&TriangleTree, f64),
     options: &Options,
@@ -133,6 +173,7 @@ fn attach(
     let nearest = (0..3).min_by(|&i, &j| square(i).total_cmp(&square(j)))?;
     // Not so for a fit that is not a number, as where the mesh has no size.
     (MIN_FIT <= fit).then(|| Anchor {
+        previous_vertex,
         vertex: mesh.faces()[closest.face as usize][nearest],
         position: closest.position,
         fit,
@@ -150,6 +191,7 @@ pub(super) struct Pulls {
 
 #[derive(Clone, Copy)]
 struct Pull {
+    previous_vertex: u32,
     position: Point,
     fit: f64,
     quadric: Quadric,
@@ -160,11 +202,12 @@ struct Pull {
 const MIN_RELATIVE_DETERMINANT: f64 = 1e-9;
 
 impl Pulls {
-    /// `None` if there are no anchors.
+    /// `None` if there are no anchors. `reduction` is how many faces become one: as many planes
+    /// as it merges, so much more a pull weighs.
     pub fn new(
         anchors: &Anchors,
         normalization: &Normalization,
-        vertex_count: usize,
+        (vertex_count, reduction): (usize, f64),
     ) -> Option<Self> {
         if anchors.anchors.is_empty() {
             return None;
@@ -174,15 +217,26 @@ impl Pulls {
         let mut of_vertices = vec![None; vertex_count];
         for (anchor, position) in anchors.anchors.iter().zip(positions) {
             of_vertices[anchor.vertex as usize] = Some(Pull {
+                previous_vertex: anchor.previous_vertex,
                 position,
                 fit: anchor.fit,
-                quadric: Quadric::of_point(&position, anchor.weight)
-                    + Quadric::of_plane(&position, &anchor.normal, anchor.plane_weight),
+                quadric: Quadric::of_point(&position, reduction * anchor.weight)
+                    + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight),
             });
         }
         Some(Self {
             of_vertices,
             merge_penalty: anchors.merge_penalty,
+        })
+    }
+
+    /// The anchor that a vertex kept, with its position normalized.
+    pub fn kept(&self, vertex: u32) -> Option<Kept> {
+        let pull = self.of_vertices[vertex as usize]?;
+        Some(Kept {
+            position: pull.position,
+            fit: pull.fit,
+            vertex: pull.previous_vertex,
         })
     }
 
@@ -229,6 +283,7 @@ impl Pulls {
 mod tests {
     use super::*;
     use crate::mesh::mean_edge;
+    use crate::metrics::consistency;
     use crate::registration::carry;
     use crate::simplification::{Options as Target, simplify, simplify_anchored};
     use crate::spatial::VertexTree;
@@ -262,7 +317,7 @@ mod tests {
         let carried = carry(previous.positions(), source, source);
         let surface = TriangleTree::new(mesh).unwrap();
         Anchors::new(
-            &carried,
+            (&carried, previous.faces()),
             mesh,
             (&surface, mean_edge(mesh)),
             &Options::default(),
@@ -283,13 +338,39 @@ mod tests {
         let target = Target::to_faces(300);
         let previous = simplify(&before, None, &target).mesh;
         let anchors = anchors(&previous, &before, &after);
-        let anchored = simplify_anchored(&after, &anchors, &target).mesh;
+        let surface = TriangleTree::new(&after).unwrap();
+        let anchored = simplify_anchored(&after, &surface, &anchors, &target).mesh;
         let alone = simplify(&after, None, &target).mesh;
         let (with, without) = (
             persistence(&previous, &anchored),
             persistence(&previous, &alone),
         );
         assert!(2.0 * without < with, "{without} {with}");
+    }
+
+    #[test]
+    fn more_vertices_and_edges_come_back_with_more_strength() {
+        let (before, after) = (sheet(0.0), sheet(0.4));
+        let target = Target::to_faces(300);
+        let previous = simplify(&before, None, &target).mesh;
+        let surface = TriangleTree::new(&after).unwrap();
+        let carried = carry(previous.positions(), &before, &before);
+        let found = [0.0, 0.5, 1.0].map(|strength| {
+            let anchors = Anchors::new(
+                (&carried, previous.faces()),
+                &after,
+                (&surface, mean_edge(&after)),
+                &Options::with_strength(strength),
+            );
+            let next = simplify_anchored(&after, &surface, &anchors, &target).mesh;
+            let carried = previous.clone();
+            let found = consistency(&carried, &next).unwrap();
+            (found.vertex_persistence, found.edge_persistence)
+        });
+        assert!(
+            found.is_sorted_by(|a, b| a.0 < b.0 && a.1 < b.1),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -306,9 +387,15 @@ mod tests {
         let carried = carry(previous.positions(), &mesh, &registered);
         let surface = TriangleTree::new(&mesh).unwrap();
         let options = Options::default();
-        let anchors = Anchors::new(&carried, &mesh, (&surface, mean_edge(&mesh)), &options);
+        let anchors = Anchors::new(
+            (&carried, previous.faces()),
+            &mesh,
+            (&surface, mean_edge(&mesh)),
+            &options,
+        );
         assert!(anchors.mean_fit() < 1e-9);
-        let anchored = simplify_anchored(&mesh, &anchors, &target);
-        assert_eq!(anchored, simplify(&mesh, None, &target));
+        let anchored = simplify_anchored(&mesh, &surface, &anchors, &target);
+        let alone = simplify_anchored(&mesh, &surface, &Anchors::default(), &target);
+        assert_eq!(anchored, alone);
     }
 }

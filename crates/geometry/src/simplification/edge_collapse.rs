@@ -1,6 +1,7 @@
 //! Collapses the cheapest edge until the mesh is small enough.
 
 use crate::mesh::{Edge, face_normal};
+use crate::spatial::TriangleTree;
 use crate::{Face, Point, TriangleMesh};
 
 use super::Quadric;
@@ -9,6 +10,7 @@ use super::connectivity::Connectivity;
 use super::normalization::Normalization;
 use super::placement::place;
 use super::queue::{Candidate, Queue};
+use super::refinement::{Kept, refine};
 use super::tracked::{Reference, vertex_quadrics};
 
 /// How far to simplify.
@@ -57,14 +59,35 @@ pub fn simplify(
     reference: Option<&TriangleMesh>,
     options: &Options,
 ) -> Simplified {
-    simplify_guided(mesh, reference, &Anchors::default(), options)
+    simplify_guided(mesh, reference, &Anchors::default(), options).0
 }
 
-/// Simplifies `mesh` like [`simplify`] without a reference, but keeps the vertices that `anchors`
-/// carry over from the previous result where that costs little.
+/// Simplifies `mesh`, whose surface is `surface`, so that the vertices and edges that `anchors`
+/// carry over from the previous result come back, and fits what is left to the mesh.
+///
+/// Collapses edges like [`simplify`] without a reference, but holds on to the anchors where that
+/// costs little; then refines the result as the anchors' options say. Without anchors, as for a
+/// first frame, the result is still fitted.
 #[must_use]
-pub fn simplify_anchored(mesh: &TriangleMesh, anchors: &Anchors, options: &Options) -> Simplified {
-    simplify_guided(mesh, None, anchors, options)
+pub fn simplify_anchored(
+    mesh: &TriangleMesh,
+    surface: &TriangleTree,
+    anchors: &Anchors,
+    options: &Options,
+) -> Simplified {
+    let (simplified, kept) = simplify_guided(mesh, None, anchors, options);
+    if simplified.collapses == 0 {
+        return simplified;
+    }
+    Simplified {
+        mesh: refine(
+            simplified.mesh,
+            (mesh, surface),
+            (&kept, &anchors.previous_faces),
+            &anchors.refinement,
+        ),
+        ..simplified
+    }
 }
 
 fn simplify_guided(
@@ -72,13 +95,14 @@ fn simplify_guided(
     reference: Option<&TriangleMesh>,
     anchors: &Anchors,
     options: &Options,
-) -> Simplified {
+) -> (Simplified, Vec<Option<Kept>>) {
     if mesh.face_count() <= options.target_faces {
-        return Simplified {
+        let unchanged = Simplified {
             mesh: mesh.clone(),
             target_reached: true,
             collapses: 0,
         };
+        return (unchanged, Vec::new());
     }
     let normalization = Normalization::of(mesh);
     let positions = normalization.apply(mesh.positions());
@@ -86,6 +110,7 @@ fn simplify_guided(
         let positions = normalization.apply(r.positions());
         Reference::new(r, &positions, mesh.vertex_count())
     });
+    let reduction = mesh.face_count() as f64 / options.target_faces.max(1) as f64;
     let mut connectivity = Connectivity::new(mesh);
     let mut run = Run {
         quadrics: initial_quadrics(mesh, &positions, &mut connectivity, options),
@@ -93,7 +118,7 @@ fn simplify_guided(
         versions: vec![0; mesh.vertex_count()],
         positions,
         reference,
-        pulls: Pulls::new(anchors, &normalization, mesh.vertex_count()),
+        pulls: Pulls::new(anchors, &normalization, (mesh.vertex_count(), reduction)),
         queue: Queue::new(mesh.vertex_count()),
         collapses: 0,
         neighbors: Vec::new(),
@@ -292,7 +317,7 @@ impl Run {
         mesh: &TriangleMesh,
         normalization: &Normalization,
         target: usize,
-    ) -> Simplified {
+    ) -> (Simplified, Vec<Option<Kept>>) {
         let faces: Vec<Face> = self.connectivity.faces().collect();
         let mut used = vec![false; self.positions.len()];
         faces
@@ -301,8 +326,17 @@ impl Run {
             .for_each(|&corner| used[corner as usize] = true);
         let mut numbers = vec![0u32; used.len()];
         let mut positions = Vec::new();
+        let mut kept = Vec::new();
         for vertex in (0..used.len()).filter(|&vertex| used[vertex]) {
             numbers[vertex] = positions.len() as u32;
+            let anchor = self
+                .pulls
+                .as_ref()
+                .and_then(|pulls| pulls.kept(vertex as u32));
+            kept.push(anchor.map(|kept| Kept {
+                position: normalization.undo(&kept.position),
+                ..kept
+            }));
             positions.push(if 0 < self.versions[vertex] {
                 normalization.undo(&self.positions[vertex])
             } else {
@@ -314,11 +348,12 @@ impl Run {
             .map(|f| f.map(|c| numbers[c as usize]))
             .collect();
         let target_reached = faces.len() <= target + 1;
-        Simplified {
+        let simplified = Simplified {
             mesh: TriangleMesh::from_valid(positions, faces),
             target_reached,
             collapses: self.collapses,
-        }
+        };
+        (simplified, kept)
     }
 }
 

@@ -19,6 +19,7 @@ mod normalization;
 mod placement;
 mod quadric;
 mod queue;
+pub mod refinement;
 mod tracked;
 
 pub use anchors::Anchors;

@@ -49,6 +49,23 @@ fn ratio(part: f64, whole: f64) -> f64 {
     if whole == 0.0 { 0.0 } else { part / whole }
 }
 
+/// The barycentric coordinates of a point in the plane of a triangle; the first corner's where the
+/// triangle has no area.
+#[must_use]
+pub fn barycentric(point: &Point, [a, b, c]: &[Point; 3]) -> [f64; 3] {
+    let (ab, ac, ap) = (b - a, c - a, point - a);
+    let normal = ab.cross(&ac);
+    let square = normal.norm_squared();
+    if square <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let (u, v) = (
+        ap.cross(&ac).dot(&normal) / square,
+        ab.cross(&ap).dot(&normal) / square,
+    );
+    [1.0 - u - v, u, v]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,6 +91,17 @@ mod tests {
                     prop_assert!(distance <= (p - sample).norm() + 1e-12);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn barycentric_coordinates_lead_back_to_the_point() {
+        let triangle = [[1., 0., 0.], [3., 0., 1.], [1., 2., 1.]].map(Point::from);
+        let [a, b, c] = triangle.map(|corner| corner.coords);
+        let point = Point::from(a * 0.2 + b * 0.3 + c * 0.5);
+        let found = barycentric(&point, &triangle);
+        for (found, expected) in found.into_iter().zip([0.2, 0.3, 0.5]) {
+            assert!((found - expected).abs() < 1e-12);
         }
     }
 

@@ -6,7 +6,7 @@ mod point_tree;
 mod triangle_tree;
 mod vertex_tree;
 
-pub use closest_point::closest_point_on_triangle;
+pub use closest_point::{barycentric, closest_point_on_triangle};
 pub use point_tree::PointTree;
 pub use triangle_tree::{SurfacePoint, TriangleTree};
 pub use vertex_tree::VertexTree;
