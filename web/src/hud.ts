@@ -138,7 +138,7 @@ export class Hud {
       numbers.endToEndUs === null ? "no capture time" : "capture to screen",
     ]);
     this.set("tracking", metrics?.tracking ?? config?.tracking ?? format.UNKNOWN, [
-      describeTarget(config),
+      metrics?.reset != null ? "reset: a first frame" : describeTarget(config),
     ]);
     this.set("faces", format.count(metrics?.output.faces ?? null), [
       prefixed("of ", format.count(metrics?.input.faces ?? null)),

@@ -51,6 +51,22 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// The default, which has a strength of a half, with all that holds in proportion to `strength`,
+    /// 0 to 1.
+    #[must_use]
+    pub fn with_strength(strength: f64) -> Self {
+        let default = Self::default();
+        let scale = strength / 0.5;
+        Self {
+            weight: scale * default.weight,
+            normal_weight: scale * default.normal_weight,
+            merge_penalty: scale * default.merge_penalty,
+            ..default
+        }
+    }
+}
+
 /// The anchors of a mesh, at most one a vertex.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Anchors {
