@@ -28,7 +28,8 @@ pub enum Quality {
     /// All of it.
     #[default]
     Full,
-    /// Surface distances of some vertices only, and no vertex distances.
+    /// Surface distances of some vertices only, no vertex distances, and without tracking no
+    /// registration.
     Sampled,
     /// A coarser registration.
     Quick,

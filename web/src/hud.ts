@@ -238,6 +238,7 @@ export class Hud {
     canvas: HTMLCanvasElement,
   ): HTMLElement {
     canvas.setAttribute("role", "img");
+    canvas.title = "A dashed line: a frame that has nothing to do with the one before";
     const entries = (Object.keys(labels) as (keyof Percents)[]).map((series) => {
       const swatch = element("span", { className: "swatch", ariaHidden: "true" });
       const item = element("li", {}, [swatch, labels[series] ?? "", this.legend[series]]);
