@@ -12,7 +12,7 @@
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Vector3};
-use steadymesh::pipeline::{PreparedFrame, RawFrame};
+use steadymesh::pipeline::{PreparedFrame, RawFrame, register};
 use steadymesh_geometry::mesh::EdgeTable;
 use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances};
 use steadymesh_geometry::registration::{self, Target};
@@ -141,6 +141,41 @@ fn registration_is_at_least_as_close_as_fast_rnrr_after_a_rigid_step() {
         let (mean, rmse) = percent(&found.residuals, to.bounding_box().diagonal());
         println!("{source}: residual {mean:.4} / {rmse:.4}");
         assert!(mean <= bound, "{source}: {mean} above {bound}");
+    }
+}
+
+#[test]
+fn a_cut_between_captures_is_told_from_motion_within_one() {
+    let player = |n| format!("basketball_player/basketball_player_fr{n:04}.obj");
+    let thomas = |n| format!("thomas/thomas_fr{n:04}.obj");
+    let liam = |n| format!("liam/{n:05}.drc");
+    let textured = |n| format!("textured/basketball_player_{n:08}.obj");
+    let mut cases = vec![
+        (textured(1), textured(2), false),
+        (player(11), thomas(1), true),
+        (thomas(1), liam(0), true),
+        (liam(0), player(11), true),
+    ];
+    for step in [1, 2, 5] {
+        for n in 1..=(10 - step) {
+            cases.push((player(10 + n), player(10 + n + step), false));
+            cases.push((thomas(n), thomas(n + step), false));
+            cases.push((liam(6 * n - 6), liam(6 * n - 6 + step), false));
+        }
+    }
+    let prepared = |name: &str| Some(PreparedFrame::new(raw(name)?, &mut ()).unwrap());
+    for (before, after, is_cut) in cases {
+        let (Some(from), Some(to)) = (prepared(&before), prepared(&after)) else {
+            return;
+        };
+        // Captures in other units cannot be registered at all.
+        let found = register(&from, &to, &registration::Options::default());
+        let cut = found.map(|found| found.scene_cut());
+        assert_eq!(
+            !matches!(cut, Ok(None)),
+            is_cut,
+            "{before} to {after}: {cut:?}"
+        );
     }
 }
 

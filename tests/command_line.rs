@@ -89,6 +89,40 @@ fn simplify_writes_frames_metrics_and_registered_frames() {
 }
 
 #[test]
+fn simplify_says_what_comes_back_without_tracking_and_tracks_robustly_by_default() {
+    let folder = Folder::new("simplify_modes");
+    std::fs::create_dir(folder.0.join("in")).unwrap();
+    write_synthetic_frames(&folder.0.join("in"), 2);
+    let simplify = |name: &str, options: &str| {
+        let arguments = format!(
+            "simplify in --target-faces 500 --output {name} --metrics {name}.jsonl {options}"
+        );
+        let arguments: Vec<&str> = arguments.split_whitespace().collect();
+        assert!(steadymesh(&arguments, &folder.0).status.success());
+        let metrics = std::fs::read_to_string(folder.0.join(format!("{name}.jsonl"))).unwrap();
+        let last: serde_json::Value =
+            serde_json::from_str(metrics.lines().last().unwrap()).unwrap();
+        last
+    };
+    let off = simplify("off", "--tracking off");
+    assert_eq!(off["tracking"], "off");
+    assert_eq!(off["reference_seq"], 0);
+    assert!(off["consistency"].is_object());
+    assert!(off["vertex_distance"]["previous"].is_object());
+
+    let default = simplify("default", "");
+    assert_eq!(default["tracking"], "robust");
+    let persistence = |metrics: &serde_json::Value| {
+        metrics["consistency"]["vertex_persistence"]
+            .as_f64()
+            .unwrap()
+    };
+    let strong = simplify("strong", "--tracking-strength 1");
+    assert!(persistence(&off) < persistence(&default));
+    assert!(persistence(&default) < persistence(&strong));
+}
+
+#[test]
 fn wrong_usage_is_exit_code_two_and_a_bad_file_is_one() {
     let folder = Folder::new("exit_codes");
     std::fs::write(folder.0.join("text.obj"), "this is not a mesh\n").unwrap();
@@ -118,6 +152,9 @@ fn wrong_usage_is_exit_code_two_and_a_bad_file_is_one() {
     assert!(!folder.0.join("new").exists());
     for wrong in [
         "simplify text.obj --target-faces -4 --output out",
+        "simplify text.obj --target-faces 100 --output out --tracking-strength 1.5",
+        "simplify text.obj --target-faces 100 --output out --tracking-strength nan",
+        "evaluate text.obj --target-faces 100 --tracking-strength -1",
         "evaluate text.obj --target-faces 3",
         "publish demo --synthetic",
         "publish localhost:8080/demo --synthetic",

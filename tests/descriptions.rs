@@ -513,6 +513,7 @@ fn metrics() -> FrameMetrics {
             iterations: 9,
         }),
         registration_error: Some("none, this is a test".to_owned()),
+        reset: Some("registration failed".to_owned()),
         surface_distance: Some(pair.clone()),
         vertex_distance: Some(pair),
         current_to_output: Some(Statistics::default()),
@@ -527,7 +528,8 @@ fn config() -> StreamConfig {
     StreamConfig {
         target_faces: Some(4000),
         target_ratio: Some(0.1),
-        tracking: Some(Tracking::Paper),
+        tracking: Some(Tracking::Robust),
+        tracking_strength: Some(0.5),
         draco: DracoConfig {
             position_bits: Some(12),
             speed: Some(5),

@@ -503,3 +503,39 @@ fn wrong_usage_is_exit_code_two() {
         assert!(!done.stderr.is_empty());
     }
 }
+
+#[test]
+fn a_pair_across_a_scene_cut_is_not_compared_and_the_report_says_why() {
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let frames = folder.path().join("in");
+    write_synthetic_frames(&frames);
+    let last = frames.join(format!("frame{}.obj", FRAMES - 1));
+    let figure = mesh(&last);
+    let lines = figure.positions().iter();
+    let mut another: String = lines
+        .map(|p| format!("v {} {} {}\n", p.z * p.z, 0.1 * p.x, p.y * p.x))
+        .collect();
+    for [a, b, c] in figure.faces() {
+        another.push_str(&format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+    }
+    std::fs::write(&last, another).unwrap();
+    let evaluate = "evaluate in --target-faces 300 --json a.json --report report";
+    let printed = succeed(evaluate, folder.path());
+    let report = std::fs::read_to_string(folder.path().join("report/report.md")).unwrap();
+    for text in [printed, report] {
+        assert!(text.contains("scene cut: "), "{text}");
+    }
+    let json = std::fs::read(folder.path().join("a.json")).unwrap();
+    let json: Value = serde_json::from_slice(&json).unwrap();
+    let sequence = &json["sequences"][0];
+    let (pairs, target) = (&sequence["pairs"], &sequence["targets"][0]);
+    let cut = FRAMES as usize - 2;
+    assert!(pairs[cut]["reset"].is_string() && pairs[cut - 1]["reset"].is_null());
+    assert_eq!(target["compared_pairs"], cut);
+    for run in target["runs"].as_array().unwrap() {
+        let output = &run["outputs"][cut];
+        assert_eq!(output["tracking"], "off");
+        assert!(output["consistency"].is_null());
+        assert!(output["distances"]["surface_distance"]["previous"].is_null());
+    }
+}

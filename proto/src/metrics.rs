@@ -28,7 +28,8 @@ pub enum Quality {
     /// All of it.
     #[default]
     Full,
-    /// Surface distances of some vertices only, and no vertex distances.
+    /// Surface distances of some vertices only, no vertex distances, and without tracking no
+    /// registration.
     Sampled,
     /// A coarser registration.
     Quick,
@@ -59,23 +60,27 @@ pub struct FrameMetrics {
     pub seq: u64,
     /// When it was captured, in microseconds since 1970, if the rig said so.
     pub capture_time_us: Option<u64>,
-    /// How it was simplified: `off` for a first frame, where registration failed, and where what
-    /// it found does not fit at all.
+    /// How it was simplified: `off` for a first frame, and after a reset.
     pub tracking: Tracking,
     /// What was left out because frames came too fast.
     #[serde(default)]
     pub quality: Quality,
-    /// The frame that was registered onto it; none where none was.
+    /// The frame that was registered onto it; none where none was, and after a reset.
     pub reference_seq: Option<u64>,
     /// What came in.
     pub input: Input,
     /// What went out.
     pub output: Output,
-    /// How well the reference was registered; none without one.
+    /// How well the previous frame was registered; none where it was not. After a reset it says
+    /// how badly.
     pub registration: Option<Registration>,
     /// Why there is no registration although there is a previous frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration_error: Option<String>,
+    /// Why the frame was treated as a first one although there is a previous frame: registration
+    /// failed, or what it found is another scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reset: Option<String>,
     /// From each vertex of the simplified mesh to the surface of the frames.
     pub surface_distance: Option<DistancePair>,
     /// From each vertex of the simplified mesh to the nearest vertex of the frames.

@@ -19,6 +19,9 @@ pub struct StreamConfig {
     /// Whether the previous frame takes part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tracking: Option<Tracking>,
+    /// How strongly `robust` tracking holds a frame to the one before, 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracking_strength: Option<f64>,
     /// How the simplified mesh is compressed.
     #[serde(default, skip_serializing_if = "DracoConfig::is_default")]
     pub draco: DracoConfig,
@@ -52,7 +55,8 @@ impl DracoConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MetricsMode {
-    /// The distances of every vertex of every frame.
+    /// The distances of every vertex of every frame, which for that is registered even if tracking
+    /// is `off`.
     #[default]
     Full,
     /// The surface distances of at most 1,000 vertices a frame and direction, evenly strided, and

@@ -13,13 +13,13 @@ use crate::evaluation::{
     Evaluation, Pair, Plan, Protocol, Sequence, file_words, pictured_frames, plots, report,
     terminal,
 };
-use crate::pipeline::{Settings, TargetSize};
+use crate::pipeline::{Settings, TargetSize, TrackingStrength};
 
 use super::frame_files::to_file_mesh;
 use super::output_files::{create, make_folder, write_file};
 use super::progress::progress_bar;
 use super::takes::{SyntheticOptions, Take, TakenFrame, takes};
-use super::target::{target_faces, target_ratio};
+use super::target::{target_faces, target_ratio, tracking_strength};
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
@@ -46,6 +46,10 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, value_name = "MODE", value_delimiter = ',')]
     #[arg(default_values = ["paper", "robust"])]
     tracking: Vec<TrackingMode>,
+    /// How strongly robust tracking holds a frame to the one before, 0 to 1.
+    #[arg(long, value_name = "S", default_value = "0.5")]
+    #[arg(allow_negative_numbers = true, value_parser = tracking_strength)]
+    tracking_strength: TrackingStrength,
     /// Write every figure to this file, as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -138,7 +142,10 @@ fn plan(arguments: &Arguments) -> Plan {
     Plan {
         targets,
         modes: arguments.tracking.iter().map(|&mode| mode.into()).collect(),
-        settings: Settings::default(),
+        settings: Settings {
+            tracking_strength: arguments.tracking_strength,
+            ..Settings::default()
+        },
     }
 }
 

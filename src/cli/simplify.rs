@@ -9,9 +9,12 @@ use clap::{Args, ValueEnum};
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::stream::MetricsMode;
 use steadymesh_proto::wording::counted;
 
-use crate::pipeline::{PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, process};
+use crate::pipeline::{
+    PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, TrackingStrength, process,
+};
 use crate::stopwatch::{Stopwatch, microseconds};
 
 use super::frame_files::{expand, read_frame, to_file_mesh};
@@ -19,7 +22,7 @@ use super::output_files::{
     create, is_same_folder, make_folder, output_names, refuse_to_overwrite, write_file,
 };
 use super::progress::progress_bar;
-use super::target::{target_faces, target_ratio};
+use super::target::{target_faces, target_ratio, tracking_strength};
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
@@ -36,12 +39,18 @@ pub(super) struct Arguments {
     #[arg(long, value_enum, default_value_t = OutputFormat::Drc)]
     format: OutputFormat,
     /// Whether the previous frame takes part.
-    #[arg(long, value_enum, default_value_t = TrackingMode::Paper)]
+    #[arg(long, value_enum, default_value_t = TrackingMode::Robust)]
     tracking: TrackingMode,
-    /// Write every frame's metrics to this file, one line of JSON a frame.
+    /// How strongly robust tracking holds a frame to the one before, 0 to 1.
+    #[arg(long, value_name = "S", default_value = "0.5")]
+    #[arg(allow_negative_numbers = true, value_parser = tracking_strength)]
+    tracking_strength: TrackingStrength,
+    /// Write every frame's metrics to this file, one line of JSON a frame; for that the previous
+    /// frame is registered even with tracking off.
     #[arg(long, value_name = "FILE.jsonl")]
     metrics: Option<PathBuf>,
-    /// Write the registered previous frame of every frame after the first to this folder, as PLY.
+    /// Write the registered previous frame of every frame after the first to this folder, as PLY;
+    /// there is none where a frame was treated as a first one.
     #[arg(long, value_name = "DIR")]
     keep_registered: Option<PathBuf>,
 }
@@ -158,9 +167,16 @@ fn settings(arguments: &Arguments) -> Settings {
         || TargetSize::Faces(target_faces.unwrap_or_default()),
         TargetSize::Ratio,
     );
+    // Nothing is measured that nobody sees. What is to be kept must be registered, too.
+    let metrics = match (&arguments.metrics, &arguments.keep_registered) {
+        (None, None) => MetricsMode::Off,
+        _ => MetricsMode::Full,
+    };
     Settings {
         target,
         tracking: arguments.tracking.into(),
+        tracking_strength: arguments.tracking_strength,
+        metrics,
         ..Settings::default()
     }
 }
@@ -188,10 +204,12 @@ fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyho
 /// Says what a user would want to know without having asked for metrics.
 fn warn_about(file: &Path, metrics: &FrameMetrics) {
     let file = file.display();
-    if let Some(error) = &metrics.registration_error {
-        super::say(&format!(
-            "{file}: simplified without tracking, since {error}"
-        ));
+    if let Some(reason) = metrics
+        .registration_error
+        .as_ref()
+        .or(metrics.reset.as_ref())
+    {
+        super::say(&format!("{file}: treated as a first frame: {reason}"));
     }
     if !metrics.output.target_reached {
         let faces = counted(metrics.output.faces as u64, "face");

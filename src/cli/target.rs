@@ -1,6 +1,6 @@
-//! The size of simplified frames as it is typed.
+//! The size of simplified frames, and how strongly they are tracked, as they are typed.
 
-use crate::pipeline::TargetSize;
+use crate::pipeline::{InvalidSettings, TargetSize, TrackingStrength};
 
 /// Files are the user's own: the limit is that of 32-bit indices.
 const MAX_FACES: usize = u32::MAX as usize;
@@ -12,7 +12,7 @@ const MAX_FACES: usize = u32::MAX as usize;
 /// What is expected instead.
 pub(super) fn target_faces(text: &str) -> Result<usize, String> {
     let faces = text.parse().map_err(|_| "a whole number is expected")?;
-    check(TargetSize::Faces(faces)).map(|()| faces)
+    expected(TargetSize::Faces(faces).check(MAX_FACES)).map(|_| faces)
 }
 
 /// A share of the faces.
@@ -22,15 +22,25 @@ pub(super) fn target_faces(text: &str) -> Result<usize, String> {
 /// What is expected instead.
 pub(super) fn target_ratio(text: &str) -> Result<f64, String> {
     let ratio = text.parse().map_err(|_| "a number is expected")?;
-    check(TargetSize::Ratio(ratio)).map(|()| ratio)
+    expected(TargetSize::Ratio(ratio).check(MAX_FACES)).map(|_| ratio)
 }
 
-fn check(target: TargetSize) -> Result<(), String> {
-    let Err(error) = target.check(MAX_FACES) else {
-        return Ok(());
-    };
-    // The parser has said already which option it is, and what was given.
-    let error = error.to_string();
-    let expected = error.split_once(": ").map(|(_, expected)| expected);
-    Err(expected.unwrap_or(&error).to_owned())
+/// How strongly robust tracking holds a frame to the one before.
+///
+/// # Errors
+///
+/// What is expected instead.
+pub(super) fn tracking_strength(text: &str) -> Result<TrackingStrength, String> {
+    let strength = text.parse().map_err(|_| "a number is expected")?;
+    expected(TrackingStrength::new(strength))
+}
+
+/// What is checked, or what is expected instead: the parser has said already which option it is,
+/// and what was given.
+fn expected<T>(checked: Result<T, InvalidSettings>) -> Result<T, String> {
+    checked.map_err(|error| {
+        let error = error.to_string();
+        let expected = error.split_once(": ").map(|(_, expected)| expected);
+        expected.unwrap_or(&error).to_owned()
+    })
 }

@@ -9,8 +9,8 @@ use steadymesh_proto::metrics::{Consistency, Statistics, Tracking};
 use steadymesh_proto::stream::MetricsMode;
 
 use crate::pipeline::{
-    PreparedFrame, ProcessFailed, ProcessedFrame, Registered, Settings, TargetSize, process,
-    process_registered, register, statistics,
+    PreparedFrame, ProcessFailed, ProcessedFrame, REGISTRATION_FAILED, Registered, Settings,
+    TargetSize, process, process_registered, register, statistics,
 };
 
 use super::aggregate::{PairFigures, averages, best, change};
@@ -122,7 +122,7 @@ impl Protocol {
     }
 
     /// Adds a frame and its predecessor. Returns the predecessor as it was registered: the mesh
-    /// that was measured against, none if the registration failed.
+    /// that was measured against, none if the registration failed or found a scene cut.
     ///
     /// # Errors
     ///
@@ -134,6 +134,12 @@ impl Protocol {
                 Ok(registered) => (Some(registered), None),
                 Err(error) => (None, Some(error.to_string())),
             };
+        let reset = match &registered {
+            Some(registered) => registered.scene_cut().map(|cut| cut.to_string()),
+            None => Some(REGISTRATION_FAILED.to_owned()),
+        };
+        let figures = registered.as_ref().map(|r| r.figures.clone());
+        let registered = registered.filter(|_| reset.is_none());
         let mesh = registered.as_ref().map(|r| r.mesh.clone());
         let bounds = current.bounds();
         self.pairs.push(FramePair {
@@ -141,8 +147,9 @@ impl Protocol {
             faces: current.mesh().face_count(),
             bbox_diagonal: bounds.diagonal(),
             mpeg_peak: mpeg_peak(bounds),
-            registration: registered.as_ref().map(|r| r.figures.clone()),
+            registration: figures,
             registration_error,
+            reset,
         });
         let pair = RegisteredPair {
             frames: pair,
@@ -387,6 +394,7 @@ mod tests {
             mpeg_peak: 3.0,
             registration: is_registered.then(Default::default),
             registration_error: (!is_registered).then(|| "a reason".to_owned()),
+            reset: (!is_registered).then(|| REGISTRATION_FAILED.to_owned()),
         }
     }
 

@@ -15,8 +15,8 @@ pub fn terminal(evaluation: &Evaluation) -> String {
         push(&mut text, &sequence.name);
         push(&mut text, &summary(sequence));
         for pair in &sequence.pairs {
-            if let Some(error) = &pair.registration_error {
-                text.push_str(&format!("Frame {}: {error}.\n", pair.seq));
+            if let Some(reason) = pair.registration_error.as_ref().or(pair.reset.as_ref()) {
+                text.push_str(&format!("Frame {}: {reason}.\n", pair.seq));
             }
         }
         for target in &sequence.targets {

@@ -66,6 +66,8 @@ pub struct FramePair {
     pub registration: Option<Registration>,
     /// Why it was not.
     pub registration_error: Option<String>,
+    /// Why frame k was treated as a first one, if it was.
+    pub reset: Option<String>,
 }
 
 /// The results for one size.

@@ -120,14 +120,20 @@ pub(super) fn registrations(sequence: &Sequence, medium: Medium) -> String {
             pair.faces.to_string(),
             four_digits(pair.bbox_diagonal),
         ];
-        if let Some(registration) = &pair.registration {
+        let registration = pair.registration.as_ref();
+        if let Some(registration) = registration.filter(|_| pair.reset.is_none()) {
             let residual = &registration.residual;
             let percent = |d: f64| four_digits(100.0 * d / pair.bbox_diagonal);
             row.extend([residual.mean, residual.rms, residual.p95, residual.max].map(percent));
             row.push(registration.nodes.to_string());
             row.push(registration.iterations.to_string());
         } else {
-            row.extend(pair.registration_error.clone());
+            row.extend(
+                pair.registration_error
+                    .as_ref()
+                    .or(pair.reset.as_ref())
+                    .cloned(),
+            );
         }
         table.add_row(row);
     }

@@ -15,24 +15,24 @@ use steadymesh_proto::stream::MetricsMode;
 /// to `output`.
 ///
 /// `output` is the mesh that players see, after quantization. `current_surface` is `current`'s, if
-/// there is one already. `mode` says from which vertices. Meshes without faces, which do not come
+/// there is one already; `registered` comes with its own. `mode` says from which vertices. Meshes without faces, which do not come
 /// this far, leave the figures out.
 pub(super) fn add_distances(
     metrics: &mut FrameMetrics,
     output: &TriangleMesh,
     (current, current_surface): (&TriangleMesh, Option<&TriangleTree>),
-    registered: Option<&TriangleMesh>,
+    registered: Option<(&TriangleMesh, &TriangleTree)>,
     mode: MetricsMode,
 ) {
     let from = measured_of(output.positions(), mode);
     metrics.surface_distance = pair(
         to_surface(&from, current, current_surface),
-        registered.and_then(|mesh| to_surface(&from, mesh, None)),
+        registered.and_then(|(mesh, surface)| to_surface(&from, mesh, Some(surface))),
     );
     if mode == MetricsMode::Full {
         metrics.vertex_distance = pair(
             to_vertices(&from, current),
-            registered.and_then(|mesh| to_vertices(&from, mesh)),
+            registered.and_then(|(mesh, _)| to_vertices(&from, mesh)),
         );
     }
     metrics.current_to_output = TriangleTree::new(output)

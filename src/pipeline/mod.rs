@@ -11,13 +11,17 @@ mod prepare;
 mod process;
 mod quality;
 mod register;
+mod scene_cut;
 mod settings;
 
 pub use measure::statistics;
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};
-pub use process::{Previous, ProcessFailed, ProcessedFrame, process, process_registered};
+pub use process::{
+    Previous, ProcessFailed, ProcessedFrame, REGISTRATION_FAILED, process, process_registered,
+};
 pub use register::{CarriedOutput, Registered, register};
-pub use settings::{InvalidSettings, Settings, TargetSize};
+pub use scene_cut::SceneCut;
+pub use settings::{InvalidSettings, Settings, TargetSize, TrackingStrength};
 
 /// The stages of a frame's way through the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -26,10 +26,21 @@ pub struct ProcessedFrame {
     /// The simplified mesh as players see it: decoded from `draco`.
     pub mesh: TriangleMesh,
     /// The previous frame, registered onto this one, in the precision in which it can be
-    /// written; none for a first frame, if registration failed, or if there was no tracking to
-    /// register it for.
+    /// written; none for a first frame, after a reset, or if neither tracking nor the metrics
+    /// had a use for it.
     pub registered: Option<TriangleMesh>,
 }
+
+impl ProcessedFrame {
+    /// Says that the previous frame, which was there, could not be registered.
+    pub fn set_registration_error(&mut self, error: String) {
+        self.metrics.registration_error = Some(error);
+        self.metrics.reset = Some(REGISTRATION_FAILED.to_owned());
+    }
+}
+
+/// The reason of a reset without a registration.
+pub const REGISTRATION_FAILED: &str = "registration failed";
 
 /// Why a frame that passed the edge could not be processed: a defect, not a bad frame.
 #[derive(Debug, thiserror::Error)]
@@ -57,8 +68,8 @@ pub struct Previous<'a> {
 
 /// Registers the previous frame onto `current`, simplifies `current` and measures the result.
 ///
-/// A registration that fails does not lose the frame: it is simplified without tracking, and
-/// its metrics say why.
+/// A registration that fails, or that finds a scene cut, does not lose the frame: it is simplified
+/// without the previous one, and its metrics say why.
 ///
 /// # Errors
 ///
@@ -70,7 +81,7 @@ pub fn process(
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
     let attempt = previous
-        .filter(|_| settings.tracking != Tracking::Off)
+        .filter(|_| settings.registers())
         .map(|previous| register(previous.frame, current, &settings.registration));
     observer.ended(Stage::Register);
     let (registered, error) = match attempt.transpose() {
@@ -79,14 +90,17 @@ pub fn process(
     };
     let output = previous.and_then(|previous| previous.output);
     let mut processed = process_registered(current, registered, output, settings, observer)?;
-    processed.metrics.registration_error = error;
+    if let Some(error) = error {
+        processed.set_registration_error(error);
+    }
     Ok(processed)
 }
 
 /// What [`process`] does once the previous frame is registered: several frames may be registered
-/// at once, while this needs the one before's output if tracking is robust.
+/// at once, while this needs the one before's output if [`Settings::carries_output`].
 ///
-/// Without tracking, `registered` takes no part in the simplification and the result is
+/// After a scene cut `registered` and `previous_output` are of no use, and the frame is a first
+/// one. Without tracking, `registered` takes no part in the simplification and the result is
 /// measured against it all the same: this is how the original QEM is compared.
 ///
 /// # Errors
@@ -100,21 +114,27 @@ pub fn process_registered(
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
     let measured = settings.metrics != MetricsMode::Off;
+    let cut = registered.as_ref().and_then(Registered::scene_cut);
+    let figures = registered.as_ref().map(|r| r.figures.clone());
+    let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
+    let registered = registered.filter(|_| cut.is_none());
     let carried = registered
         .as_ref()
-        .zip(previous_output.filter(|_| measured || settings.tracking == Tracking::Robust))
+        .zip(previous_output.filter(|_| settings.carries_output()))
         .map(|(registered, output)| registered.carry(output));
-    let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
-    let (registered, registration) = registered.map(|r| (r.mesh, r.figures)).unzip();
+    let (registered, registered_surface) = registered.map(|r| (r.mesh, r.surface)).unzip();
     let mut metrics = FrameMetrics {
         input: current.input().clone(),
         bbox_diagonal: current.bounds().diagonal(),
-        registration,
+        registration: figures,
+        reset: cut.map(|cut| cut.to_string()),
         ..FrameMetrics::default()
     };
     let hold = match (settings.tracking, &registered, &carried, &surface) {
         (Tracking::Paper, Some(registered), ..) => Hold::Reference(registered),
-        (Tracking::Robust, ..) => hold_by_anchors(carried.as_ref(), current, surface.as_ref()),
+        (Tracking::Robust, ..) => {
+            hold_by_anchors(carried.as_ref(), current, surface.as_ref(), settings)
+        }
         _ => Hold::Nothing,
     };
     let simplified;
@@ -132,13 +152,8 @@ pub fn process_registered(
 
     if measured {
         let current = (current.mesh(), surface.as_deref());
-        measure::add_distances(
-            &mut metrics,
-            &mesh,
-            current,
-            registered.as_ref(),
-            settings.metrics,
-        );
+        let previous = registered.as_ref().zip(registered_surface.as_deref());
+        measure::add_distances(&mut metrics, &mesh, current, previous, settings.metrics);
         metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh));
     }
     observer.ended(Stage::Measure);
@@ -179,14 +194,11 @@ impl Hold<'_> {
     }
 }
 
-/// Below this mean fit of the anchors it is another scene, or a registration that went wrong. On
-/// consecutive frames of captures it is at least 0.8.
-const MIN_MEAN_FIT: f64 = 0.3;
-
 fn hold_by_anchors<'a>(
     carried: Option<&CarriedOutput>,
     current: &PreparedFrame,
     surface: Option<&Arc<TriangleTree>>,
+    settings: &Settings,
 ) -> Hold<'a> {
     let mesh = current.mesh();
     let Some(surface) = surface
@@ -195,11 +207,15 @@ fn hold_by_anchors<'a>(
     else {
         return Hold::Nothing;
     };
-    let options = &anchors::Options::default();
+    let options = &anchors::Options::with_strength(settings.tracking_strength.get());
     let anchors = carried.and_then(|carried| {
         let previous = (carried.vertices.as_slice(), carried.mesh()?.faces());
-        let anchors = Anchors::new(previous, mesh, (&surface, mean_edge(mesh)), options);
-        (MIN_MEAN_FIT <= anchors.mean_fit()).then_some(anchors)
+        Some(Anchors::new(
+            previous,
+            mesh,
+            (&surface, mean_edge(mesh)),
+            options,
+        ))
     });
     Hold::Anchors(anchors, surface)
 }

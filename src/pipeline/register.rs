@@ -8,6 +8,7 @@ use steadymesh_geometry::registration::{self, Carried, RegistrationError, Target
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
 
+use super::scene_cut::{SceneCut, Surface, scene_cut};
 use super::{PreparedFrame, measure};
 
 /// A previous frame that has been registered onto the current one.
@@ -22,9 +23,18 @@ pub struct Registered {
     pub(super) source: TriangleMesh,
     /// The current frame's surface, which registration has searched and which is measured to.
     pub(super) current_surface: Arc<TriangleTree>,
+    /// That of `mesh`.
+    pub(super) surface: Arc<TriangleTree>,
+    pub(super) scene_cut: Option<SceneCut>,
 }
 
 impl Registered {
+    /// Why it is of no use although it could be computed; none if it is.
+    #[must_use]
+    pub fn scene_cut(&self) -> Option<SceneCut> {
+        self.scene_cut
+    }
+
     /// Carries the previous frame's result along.
     #[must_use]
     pub fn carry(&self, previous_output: &TriangleMesh) -> CarriedOutput {
@@ -81,11 +91,29 @@ pub fn register(
         .mesh()
         .with_positions(found.positions)
         .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
+    // Rounded before it is used, so that what is written is what was measured.
+    let mesh = mesh.rounded_to_f32();
+    let surface = TriangleTree::new(&mesh).ok_or(RegistrationError::Empty { which: "source" })?;
+    let current_surface = target.into_surface();
+    let cut = scene_cut(
+        &Surface {
+            mesh: &mesh,
+            captured: previous.mesh(),
+            tree: &surface,
+        },
+        &Surface {
+            mesh: current.mesh(),
+            captured: current.mesh(),
+            tree: &current_surface,
+        },
+        current.bounds().diagonal(),
+    );
     Ok(Registered {
-        // Rounded before it is used, so that what is written is what was measured.
-        mesh: mesh.rounded_to_f32(),
+        mesh,
         figures,
         source: previous.mesh().clone(),
-        current_surface: Arc::new(target.into_surface()),
+        current_surface: Arc::new(current_surface),
+        surface: Arc::new(surface),
+        scene_cut: cut,
     })
 }

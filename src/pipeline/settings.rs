@@ -35,6 +35,45 @@ pub enum InvalidSettings {
         /// What was asked for.
         found: f64,
     },
+    /// Not a share.
+    #[error("tracking_strength is {found}: it must be from 0 to 1")]
+    TrackingStrength {
+        /// What was asked for.
+        found: f64,
+    },
+}
+
+/// How strongly robust tracking holds a frame to the one before: 0 (not at all) to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackingStrength(f64);
+
+impl TrackingStrength {
+    /// Checks a strength.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidSettings`] names the value and its range.
+    pub fn new(found: f64) -> Result<Self, InvalidSettings> {
+        // A NaN is in no range.
+        if (0.0..=1.0).contains(&found) {
+            Ok(Self(found))
+        } else {
+            Err(InvalidSettings::TrackingStrength { found })
+        }
+    }
+
+    /// From 0 to 1.
+    #[must_use]
+    pub fn get(self) -> f64 {
+        self.0
+    }
+}
+
+impl Default for TrackingStrength {
+    /// Halfway.
+    fn default() -> Self {
+        Self(0.5)
+    }
 }
 
 impl TargetSize {
@@ -78,6 +117,8 @@ pub struct Settings {
     pub target: TargetSize,
     /// Whether the previous frame takes part.
     pub tracking: Tracking,
+    /// How much, if tracking is robust.
+    pub tracking_strength: TrackingStrength,
     /// Draco's quantization and speed.
     pub draco: EncodeOptions,
     /// How the previous frame is registered.
@@ -91,10 +132,27 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             target: TargetSize::Faces(4000),
-            tracking: Tracking::Paper,
+            tracking: Tracking::Robust,
+            tracking_strength: TrackingStrength::default(),
             draco: EncodeOptions::default(),
             registration: registration::Options::default(),
             metrics: MetricsMode::Full,
         }
+    }
+}
+
+impl Settings {
+    /// Whether the previous frame is registered: to hold the frame to it, or to measure what full
+    /// metrics have to say of it.
+    #[must_use]
+    pub fn registers(&self) -> bool {
+        self.tracking != Tracking::Off || self.metrics == MetricsMode::Full
+    }
+
+    /// Whether what became of the previous frame is of use once that is registered: to hold the
+    /// frame to it, or to measure what comes back.
+    #[must_use]
+    pub fn carries_output(&self) -> bool {
+        self.tracking == Tracking::Robust || self.metrics != MetricsMode::Off
     }
 }

@@ -9,7 +9,11 @@ fn frames(count: u64) -> Vec<PreparedFrame> {
         vertex_count: 3000,
         ..rig::Options::default()
     };
-    let rig = rig::Rig::new(&options).unwrap();
+    rig_frames(&options, count)
+}
+
+fn rig_frames(options: &rig::Options, count: u64) -> Vec<PreparedFrame> {
+    let rig = rig::Rig::new(options).unwrap();
     (0..count)
         .map(|index| {
             let frame = rig.frame(index);
@@ -68,8 +72,86 @@ fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
         byte_count: 0,
     };
     let another = PreparedFrame::new(raw, &mut ()).unwrap();
-    let cut = process_with(Tracking::Robust, &another, &first.mesh);
-    assert_eq!(cut.metrics.tracking, Tracking::Off);
+    for tracking in [Tracking::Off, Tracking::Paper, Tracking::Robust] {
+        let cut = process_with(tracking, &another, &first.mesh);
+        let alone = process(&another, None, &settings(tracking), &mut ()).unwrap();
+        assert_eq!(cut.draco, alone.draco);
+        assert_eq!(cut.metrics.tracking, Tracking::Off);
+        assert!(cut.metrics.reset.unwrap().contains("scene cut"));
+        assert!(cut.registered.is_none());
+    }
+}
+
+#[test]
+fn a_figure_that_jumps_or_is_noisy_is_still_the_same_scene() {
+    let jump = nalgebra::Isometry3::rotation(nalgebra::Vector3::y() * 20f64.to_radians());
+    let frames = frames(2);
+    let positions = frames[1].mesh().positions().iter();
+    let raw = RawFrame {
+        positions: positions
+            .map(|p| (jump * p).coords.into())
+            .map(|[x, y, z]: [f64; 3]| [x + 0.2, y, z])
+            .collect(),
+        faces: frames[1].mesh().faces().to_vec(),
+        byte_count: 0,
+    };
+    let jumped = PreparedFrame::new(raw, &mut ()).unwrap();
+    let noisy = rig_frames(
+        &rig::Options {
+            noise: 0.02,
+            ..rig::Options::default()
+        },
+        2,
+    );
+    for (before, after) in [(&frames[0], &jumped), (&noisy[0], &noisy[1])] {
+        let registered = register(before, after, &Settings::default().registration).unwrap();
+        assert_eq!(registered.scene_cut(), None);
+    }
+}
+
+#[test]
+fn a_frame_that_shrank_to_a_part_of_it_is_another_scene() {
+    let frames = frames(2);
+    let mesh = frames[1].mesh();
+    let is_low = |face: &&[u32; 3]| mesh.positions()[face[0] as usize].y < 0.9;
+    let raw = RawFrame {
+        positions: mesh.positions().iter().map(|p| p.coords.into()).collect(),
+        faces: mesh.faces().iter().filter(is_low).copied().collect(),
+        byte_count: 0,
+    };
+    let half = PreparedFrame::new(raw, &mut ()).unwrap();
+    let options = Settings::default().registration;
+    let cut = register(&half, &frames[1], &options).unwrap().scene_cut();
+    assert!(0.4 < cut.unwrap().of_current, "{cut:?}");
+    let cut = register(&frames[0], &half, &options).unwrap().scene_cut();
+    assert!(0.23 < cut.unwrap().of_previous, "{cut:?}");
+}
+
+#[test]
+fn a_strength_that_is_no_share_is_refused_by_its_range() {
+    for found in [-0.01, 1.01, f64::NAN, f64::INFINITY] {
+        let error = TrackingStrength::new(found).unwrap_err().to_string();
+        assert!(error.contains("from 0 to 1"), "{error}");
+    }
+    assert_eq!(TrackingStrength::new(1.0).unwrap().get(), 1.0);
+}
+
+#[test]
+fn without_a_use_for_it_the_previous_frame_is_not_registered() {
+    use steadymesh_proto::stream::MetricsMode;
+    let frames = frames(2);
+    for (metrics, registers) in [
+        (MetricsMode::Full, true),
+        (MetricsMode::Sampled, false),
+        (MetricsMode::Off, false),
+    ] {
+        let settings = Settings {
+            metrics,
+            ..settings(Tracking::Off)
+        };
+        let out = process(&frames[1], Some(after(&frames[0])), &settings, &mut ()).unwrap();
+        assert_eq!(out.metrics.registration.is_some(), registers);
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{Limits, read};
-use steadymesh_proto::metrics::{StageTimes, Tracking};
+use steadymesh_proto::metrics::StageTimes;
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
@@ -47,8 +47,10 @@ impl Job {
     /// Registers, waits for the previous frame's result if that is needed, and does the rest.
     pub async fn run(mut self) -> Outcome {
         let Registration { registered, error } = self.register().await?;
+        let is_of_use = |registered: &Registered| registered.scene_cut().is_none();
+        let carries = registered.as_ref().is_some_and(is_of_use) && self.settings.carries_output();
         let output = match self.previous_output {
-            Some(output) if self.settings.tracking == Tracking::Robust => output.await.ok(),
+            Some(output) if carries => output.await.ok(),
             Some(_) | None => None,
         };
         let (frame, settings, times) = (self.frame, self.settings, self.times);
@@ -57,7 +59,9 @@ impl Job {
             let mut stopwatch = Stopwatch::resume(times);
             process_registered(&frame, registered, output, &settings, &mut stopwatch).map(
                 |mut processed| {
-                    processed.metrics.registration_error = error;
+                    if let Some(error) = error {
+                        processed.set_registration_error(error);
+                    }
                     (processed, stopwatch.times())
                 },
             )
@@ -73,7 +77,7 @@ impl Job {
         let Some(previous) = self.previous.take() else {
             return Ok(Registration::default());
         };
-        if self.settings.tracking == Tracking::Off {
+        if !self.settings.registers() {
             return Ok(Registration::default());
         }
         let (target, options) = (Arc::clone(&self.frame), self.settings.registration.clone());

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig};
 
-use crate::pipeline::{InvalidSettings, Settings, TargetSize};
+use crate::pipeline::{InvalidSettings, Settings, TargetSize, TrackingStrength};
 
 use super::StreamPattern;
 
@@ -41,9 +41,9 @@ pub enum InvalidConfig {
     /// The two ways of giving a target exclude each other.
     #[error("target_faces and target_ratio are both given: leave one of them out")]
     TwoTargets,
-    /// The target is out of range.
+    /// The target or the tracking's strength is out of range.
     #[error(transparent)]
-    Target(#[from] InvalidSettings),
+    Settings(#[from] InvalidSettings),
     /// Too coarse, or finer than a 32-bit float.
     #[error(
         "draco.position_bits is {found}: it must be from {} to {}",
@@ -77,6 +77,10 @@ impl Configured {
         }
         let target = target.unwrap_or(own.target).check(max_faces)?;
         let tracking = first(layers, |layer| layer.tracking).unwrap_or(own.tracking);
+        let tracking_strength = match first(layers, |layer| layer.tracking_strength) {
+            Some(strength) => TrackingStrength::new(strength)?,
+            None => own.tracking_strength,
+        };
         let metrics = first(layers, |layer| layer.metrics).unwrap_or_default();
         let overload = first(layers, |layer| layer.overload).unwrap_or_default();
         let mut draco = own.draco;
@@ -101,6 +105,7 @@ impl Configured {
                 target_faces,
                 target_ratio,
                 tracking: Some(tracking),
+                tracking_strength: Some(tracking_strength.get()),
                 draco: DracoConfig {
                     position_bits: Some(draco.position_bits),
                     speed: Some(draco.speed),
@@ -111,6 +116,7 @@ impl Configured {
             settings: Settings {
                 target,
                 tracking,
+                tracking_strength,
                 draco,
                 metrics,
                 ..own
@@ -175,6 +181,14 @@ mod tests {
             ),
             (r#"{"target_ratio": 0}"#, "target_ratio is 0"),
             (r#"{"target_ratio": 0.5, "target_faces": 40}"#, "both given"),
+            (
+                r#"{"tracking_strength": 1.5}"#,
+                "tracking_strength is 1.5: it must be from 0 to 1",
+            ),
+            (
+                r#"{"tracking_strength": -0.1}"#,
+                "tracking_strength is -0.1",
+            ),
             (
                 r#"{"draco": {"position_bits": 40}}"#,
                 "draco.position_bits is 40",

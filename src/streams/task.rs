@@ -2,8 +2,8 @@
 //!
 //! Frames are read and repaired as they come; each is processed as soon as it and its
 //! predecessor are there and a thread is free, several at once if there are several threads;
-//! they leave in the order in which they came. With `tracking: robust` only the registrations run
-//! at once: each simplification waits for the result before it.
+//! they leave in the order in which they came. A frame that is held to the result before it, or
+//! measured against that, is registered at once with others and then waits for it.
 //!
 //! Waiting frames are bounded by `queue_depth`. With `overload: lossless` a frame keeps its place
 //! in the queue until it is started on, and when there is no place publishers are told to wait.
@@ -365,7 +365,8 @@ impl Task {
                 metrics.seq = stamps.seq;
                 metrics.quality = quality;
                 metrics.capture_time_us = stamps.capture_time_us;
-                metrics.reference_seq = reference_seq.filter(|_| metrics.registration.is_some());
+                let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
+                metrics.reference_seq = reference_seq.filter(|_| has_reference);
                 metrics.stage_us = times;
                 metrics.latency_us = microseconds(stamps.arrived.elapsed());
                 stream.deliver(metrics, &processed.draco);

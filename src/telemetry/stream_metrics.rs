@@ -33,6 +33,7 @@ pub(super) struct Families {
     bytes_out: IntCounterVec,
     skipped: IntCounterVec,
     registration_failures: IntCounterVec,
+    resets: IntCounterVec,
     quality: IntCounterVec,
     queued: IntGaugeVec,
     subscribers: IntGaugeVec,
@@ -97,7 +98,13 @@ impl Families {
             )?,
             registration_failures: counter(
                 "registration_failures_total",
-                "Frames simplified without tracking because registration failed.",
+                "Frames treated as first ones because registration failed.",
+                of_stream,
+            )?,
+            resets: counter(
+                "resets_total",
+                "Frames treated as first ones although there was one before: registration failed, \
+                 or it is another scene.",
                 of_stream,
             )?,
             quality: counter(
@@ -168,6 +175,7 @@ impl Families {
             &self.bytes_out,
             &self.skipped,
             &self.registration_failures,
+            &self.resets,
         ];
         // A series that is not there, as after a second removal, is not missed.
         for family in counters {
@@ -254,10 +262,9 @@ impl StreamMetrics {
             let of_quality = &[name, quality.name()];
             families.quality.with_label_values(of_quality).reset();
         }
-        families
-            .registration_failures
-            .with_label_values(of_stream)
-            .reset();
+        for family in [&families.registration_failures, &families.resets] {
+            family.with_label_values(of_stream).reset();
+        }
         Self {
             received: families.received.with_label_values(of_stream),
             rejected: families.rejected.with_label_values(of_stream),
@@ -295,6 +302,9 @@ impl StreamMetrics {
                 .registration_failures
                 .with_label_values(&[name])
                 .inc();
+        }
+        if metrics.reset.is_some() {
+            self.families.resets.with_label_values(&[name]).inc();
         }
         let diagonal = metrics.bbox_diagonal;
         if let Some(registration) = &metrics.registration {

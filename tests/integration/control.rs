@@ -23,7 +23,7 @@ async fn a_stream_is_made_changed_listed_and_ended() {
     let stream = server.json("/v1/streams/rig-1").await;
     assert_eq!(stream["config"]["target_ratio"], 0.1);
     assert_eq!(stream["config"]["target_faces"], json!(null));
-    assert_eq!(stream["config"]["tracking"], "paper");
+    assert_eq!(stream["config"]["tracking"], "robust");
     assert_eq!(stream["config"]["draco"]["position_bits"], 14);
     assert_eq!(stream["state"], "idle");
     let list = server.json("/v1/streams").await;
@@ -61,6 +61,10 @@ async fn a_configuration_that_makes_no_sense_is_refused_by_name() {
         (r#"{"target_faces": 3}"#, "from 4 to"),
         (r#"{"target_face": 300}"#, "target_face"),
         (r#"{"tracking": "robusst"}"#, "robusst"),
+        (
+            r#"{"tracking_strength": 1.01}"#,
+            "tracking_strength is 1.01: it must be from 0 to 1",
+        ),
         (r#"{"target_ratio": 2}"#, "target_ratio is 2"),
         (r#"{"target_faces": 300, "target_ratio": 0.5}"#, "both"),
         (r#"{"draco": {"position_bits": 31}}"#, "position_bits is 31"),

@@ -20,7 +20,7 @@ async fn a_frame_that_is_waited_for_comes_back_as_its_metrics() {
     let second = server.publish("demo", frames[1].clone()).await;
     assert_eq!(
         (second.seq, second.tracking, second.reference_seq),
-        (1, Tracking::Paper, Some(0))
+        (1, Tracking::Robust, Some(0))
     );
     assert_eq!(second.output.faces, 400);
     assert!(second.surface_distance.unwrap().previous.is_some());
@@ -341,10 +341,7 @@ async fn a_frame_of_another_size_altogether_is_simplified_without_tracking() {
         (metrics.tracking, metrics.output.faces),
         (Tracking::Off, 400)
     );
-    assert!(
-        metrics
-            .registration_error
-            .unwrap()
-            .contains("factor of 1000")
-    );
+    let error = metrics.registration_error.unwrap();
+    assert!(error.contains("factor of 1000"), "{error}");
+    assert_eq!(metrics.reset.unwrap(), "registration failed");
 }

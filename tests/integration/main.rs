@@ -19,4 +19,5 @@ mod security;
 mod subscribe;
 mod support;
 mod traces;
+mod tracking;
 mod webhooks;

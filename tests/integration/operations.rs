@@ -55,6 +55,7 @@ async fn a_streams_series_are_there_while_it_lives() {
         "steadymesh_frames_received_total{stream=\"demo\"} 2",
         "steadymesh_frames_published_total{stream=\"demo\"} 2",
         "steadymesh_frames_dropped_total{reason=\"overload\",stream=\"demo\"} 0",
+        "steadymesh_resets_total{stream=\"demo\"} 0",
         "steadymesh_frame_latency_seconds_count{stream=\"demo\"} 2",
         "steadymesh_stage_duration_seconds_count{stage=\"simplify\",stream=\"demo\"} 2",
         "steadymesh_surface_distance_ratio{reference=\"previous\",stream=\"demo\"} 0.0",

@@ -138,7 +138,7 @@ export class Hud {
       numbers.endToEndUs === null ? "no capture time" : "capture to screen",
     ]);
     this.set("tracking", metrics?.tracking ?? config?.tracking ?? format.UNKNOWN, [
-      describeTarget(config),
+      metrics?.reset != null ? "reset: a first frame" : describeTarget(config),
     ]);
     this.set("faces", format.count(metrics?.output.faces ?? null), [
       prefixed("of ", format.count(metrics?.input.faces ?? null)),
@@ -238,6 +238,7 @@ export class Hud {
     canvas: HTMLCanvasElement,
   ): HTMLElement {
     canvas.setAttribute("role", "img");
+    canvas.title = "A dashed line: a frame that has nothing to do with the one before";
     const entries = (Object.keys(labels) as (keyof Percents)[]).map((series) => {
       const swatch = element("span", { className: "swatch", ariaHidden: "true" });
       const item = element("li", {}, [swatch, labels[series] ?? "", this.legend[series]]);

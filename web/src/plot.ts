@@ -4,6 +4,8 @@ export interface PlotSample<Series extends string> {
   seq: number | null;
   /** Percent; `null` where there is nothing to compare with. */
   values: Record<Series, number | null>;
+  /** The frame has nothing to do with the one before: a dashed line stands there. */
+  reset: boolean;
 }
 
 export const PLOT_FRAMES = 150;
@@ -91,6 +93,7 @@ export class Plot<Series extends string> {
     // The newest frame is at the right edge from the first one on.
     const step = (area.right - area.left) / (PLOT_FRAMES - 1);
     const xOf = (index: number) => area.right - (this.samples.length - 1 - index) * step;
+    this.drawResets(context, area, xOf);
     for (const line of this.lines) this.drawLine(context, line, xOf, yOf);
   }
 
@@ -119,6 +122,25 @@ export class Plot<Series extends string> {
     context.fillText(seq === null ? "now" : `frame ${seq}`, area.right, area.bottom + 14);
     context.textAlign = "left";
     context.fillText(`−${PLOT_FRAMES} frames`, area.left, area.bottom + 14);
+  }
+
+  private drawResets(
+    context: CanvasRenderingContext2D,
+    area: { left: number; top: number; bottom: number },
+    xOf: (index: number) => number,
+  ): void {
+    context.strokeStyle = this.text;
+    context.lineWidth = 1;
+    context.setLineDash([3, 3]);
+    this.samples.forEach((sample, index) => {
+      if (!sample.reset) return;
+      const x = Math.round(xOf(index)) + 0.5;
+      context.beginPath();
+      context.moveTo(x, area.top);
+      context.lineTo(x, area.bottom);
+      context.stroke();
+    });
+    context.setLineDash([]);
   }
 
   /** One line, interrupted where a frame has no value. */

@@ -20,7 +20,7 @@ export interface DistanceStatistics {
 }
 
 export interface DistancePair {
-  /** To the registered frame k-1; `null` for the first frame and with tracking off. */
+  /** To the registered frame k-1; `null` for a first frame, after a reset and unregistered. */
   previous: DistanceStatistics | null;
   /** To frame k. */
   current: DistanceStatistics | null;
@@ -44,6 +44,8 @@ export interface FrameMetrics {
   /** Microseconds since the Unix epoch by the rig's clock, where the rig says so. */
   captureTimeUs: number | null;
   tracking: string | null;
+  /** Why it was treated as a first frame although there is one before. */
+  reset: string | null;
   input: MeshSize;
   output: MeshSize;
   surfaceDistance: DistancePair;
@@ -130,6 +132,7 @@ export function parseMetrics(json: unknown): FrameMetrics {
     seq: asNumber(metrics.seq),
     captureTimeUs: asNumber(metrics.capture_time_us),
     tracking: asText(metrics.tracking),
+    reset: asText(metrics.reset),
     input: parseMeshSize(metrics.input),
     output: parseMeshSize(metrics.output),
     surfaceDistance: {

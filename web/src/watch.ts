@@ -98,8 +98,8 @@ class WatchPage {
     const left = this.state.kind === "open" && state.kind !== "open";
     if (left && this.newest !== null) {
       const { seq } = this.newest.frame.metrics;
-      this.distances.add({ seq, values: { previous: null, current: null } });
-      this.persistence.add({ seq, values: { vertices: null, edges: null } });
+      this.distances.add({ seq, values: { previous: null, current: null }, reset: false });
+      this.persistence.add({ seq, values: { vertices: null, edges: null }, reset: false });
     }
     if (state.kind === "absent") this.refit = true;
     if (state.kind !== "open") this.received.clear();
@@ -117,9 +117,10 @@ class WatchPage {
     this.received.add(this.lastFrameAtMs, frame.messageBytes);
     if (!this.hud.isOn("pause")) {
       const { seq } = frame.metrics;
+      const reset = frame.metrics.reset !== null;
       const { previous, current, vertices, edges } = percents(frame.metrics);
-      this.distances.add({ seq, values: { previous, current } });
-      this.persistence.add({ seq, values: { vertices, edges } });
+      this.distances.add({ seq, values: { previous, current }, reset });
+      this.persistence.add({ seq, values: { vertices, edges }, reset });
     }
     this.queue.offer(frame);
   }

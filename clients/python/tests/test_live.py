@@ -193,6 +193,7 @@ def test_streams_are_configured_and_listed(server: str, url: str) -> None:
         url,
         target_ratio=0.5,
         tracking="off",
+        tracking_strength=0.25,
         position_bits=10,
         draco_speed=0,
         metrics="off",
@@ -201,6 +202,7 @@ def test_streams_are_configured_and_listed(server: str, url: str) -> None:
     assert info.config == {
         "target_ratio": 0.5,
         "tracking": "off",
+        "tracking_strength": 0.25,
         "draco": {"position_bits": 10, "speed": 0},
         "metrics": "off",
         "overload": "live",

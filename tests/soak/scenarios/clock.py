@@ -14,7 +14,7 @@ HOUR = 3600
 CONFIGURATION = """
 [streams]
 idle_timeout_secs = 600
-defaults = {{ tracking = "off", target_faces = 400 }}
+defaults = {{ tracking = "off", metrics = "sampled", target_faces = 400 }}
 [[auth.tokens]]
 name = "for ever"
 hash = "{forever}"

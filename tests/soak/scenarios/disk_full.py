@@ -10,6 +10,7 @@ FULL = "/dev/full"
 SETTINGS = {
     "log.level": "debug",
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 4000,
 }
 

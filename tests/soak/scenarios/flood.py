@@ -14,6 +14,7 @@ SETTINGS = {
     "limits.connections": CAP,
     "limits.header_timeout_secs": 60,
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 400,
 }
 REFUSED = "steadymesh_connections_refused_total"

@@ -8,6 +8,7 @@ from support import Player, Rig, check, rig_frames
 FPS = 30
 SETTINGS = {
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 1000,
 }
 

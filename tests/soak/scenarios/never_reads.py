@@ -13,6 +13,7 @@ SETTINGS = {
     "limits.send_timeout_secs": SEND,
     "limits.header_timeout_secs": HEAD,
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 400,
 }
 GET = b"GET /v1/streams/large/frames/latest.ply HTTP/1.1\r\nHost: localhost\r\n\r\n"

@@ -11,6 +11,7 @@ LINGER = 4
 SETTINGS = {
     "streams.linger_secs": LINGER,
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 400,
 }
 

@@ -8,6 +8,7 @@ from support import check, wait_until
 
 SETTINGS = {
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 400,
 }
 

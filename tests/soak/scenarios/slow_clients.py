@@ -10,6 +10,7 @@ SETTINGS = {
     "limits.header_timeout_secs": HEAD,
     "limits.body_timeout_secs": BODY,
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 400,
 }
 POST = b"POST /v1/streams/other/frames HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999\r\n\r\n"

@@ -7,6 +7,7 @@ COUNT = 20
 PLAYERS = "steadymesh_subscriber_connections"
 SETTINGS = {
     "streams.defaults.tracking": "off",
+    "streams.defaults.metrics": "sampled",
     "streams.defaults.target_faces": 100000,
 }
 

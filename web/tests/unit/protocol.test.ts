@@ -61,6 +61,7 @@ describe("metrics", () => {
       seq: 41,
       capture_time_us: 5,
       tracking: "robust",
+      reset: "registration failed",
       input: { vertices: 4, faces: 3, bytes: 2 },
       output: { vertices: 3, faces: 2, bytes: 1 },
       surface_distance: { previous: { mean: 0.5, max: 2 }, current: { mean: 0.25, max: 1 } },
@@ -70,6 +71,7 @@ describe("metrics", () => {
       latency_us: 99,
       something_new: true,
     });
+    expect(metrics.reset).toBe("registration failed");
     expect(metrics.surfaceDistance.previous).toEqual({ mean: 0.5, max: 2 });
     expect(metrics.consistency).toEqual({ vertexPersistence: 0.75, edgePersistence: 0.5 });
     expect(metrics.stages).toEqual([

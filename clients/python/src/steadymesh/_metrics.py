@@ -130,10 +130,12 @@ class FrameMetrics:
     """One frame's metrics.
 
     - ``seq``: its number; ``capture_time_us``: microseconds since 1970, if the rig said so.
-    - ``tracking``: how it was simplified: ``off`` for a first frame and where registration failed.
+    - ``tracking``: how it was simplified: ``off`` for a first frame and after a reset.
     - ``quality``: ``full``, or what a live stream under load left out: ``sampled`` (some
       distances), ``quick`` (a coarser registration), ``untracked`` (no registration).
-    - ``reference_seq``: the frame that was registered onto it; None for the first frame.
+    - ``reference_seq``: the frame that was registered onto it; None for a first frame and after a
+      reset.
+    - ``reset``: why it was treated as a first frame although there is one before; None if not.
     - ``surface_distance``, ``vertex_distance``: from each vertex of the simplified mesh to the
       surface and to the nearest vertex of the frames; ``current_to_output``: from each vertex of
       the frame to the simplified surface. None where the stream's ``metrics`` are ``off``.
@@ -157,6 +159,7 @@ class FrameMetrics:
     stage_us: StageTimes
     latency_us: int
     registration_error: str | None = None
+    reset: str | None = None
     quality: str = "full"
     consistency: Consistency | None = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -179,6 +182,7 @@ class FrameMetrics:
             stage_us=_flat(StageTimes, document.get("stage_us")),
             latency_us=document.get("latency_us", 0),
             registration_error=document.get("registration_error"),
+            reset=document.get("reset"),
             quality=document.get("quality", "full"),
             consistency=_consistency(document.get("consistency")),
             raw=document,

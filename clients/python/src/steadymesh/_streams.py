@@ -82,6 +82,7 @@ def configure(
     target_faces: int | None = None,
     target_ratio: float | None = None,
     tracking: str | None = None,
+    tracking_strength: float | None = None,
     position_bits: int | None = None,
     draco_speed: int | None = None,
     metrics: str | None = None,
@@ -93,9 +94,11 @@ def configure(
 
     - ``target_faces`` or ``target_ratio``: faces of every frame out, or their share of the
       frame's own (above 0, at most 1).
-    - ``tracking``: ``off`` (the original QEM) or ``paper`` (Tracked QEM).
+    - ``tracking``: ``off`` (the original QEM), ``paper`` (Tracked QEM) or ``robust`` (the default).
+    - ``tracking_strength``: how strongly ``robust`` holds a frame to the one before, 0 to 1.
     - ``position_bits``: 6 to 20 per coordinate; ``draco_speed``: 0 (smallest) to 10 (fastest).
-    - ``metrics``: ``full``, ``sampled`` or ``off``.
+    - ``metrics``: ``full``, ``sampled`` or ``off``. Without tracking, the previous frame is
+      registered for ``full`` metrics only.
     - ``overload``: ``lossless`` (a full queue makes the publisher wait) or ``live`` (the oldest
       waiting frame is dropped).
     - ``extra``: fields of a newer server. A field that the server does not know is an error.
@@ -104,6 +107,7 @@ def configure(
         "target_faces": target_faces,
         "target_ratio": target_ratio,
         "tracking": tracking,
+        "tracking_strength": tracking_strength,
         "metrics": metrics,
         "overload": overload,
     }

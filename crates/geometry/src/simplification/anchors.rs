@@ -85,8 +85,6 @@ pub struct Anchors {
     pub(super) previous_faces: Vec<Face>,
     merge_penalty: f64,
     pub(super) refinement: refinement::Options,
-    /// The mean fit of all that was carried, 0 to 1.
-    mean_fit: f64,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -134,7 +132,6 @@ impl Anchors {
             )
         };
         let mut anchors: Vec<Anchor> = carried.iter().enumerate().filter_map(attach).collect();
-        let fit: f64 = anchors.iter().map(|anchor| anchor.fit).sum();
         anchors.sort_by(|a, b| a.vertex.cmp(&b.vertex).then(b.fit.total_cmp(&a.fit)));
         anchors.dedup_by_key(|anchor| anchor.vertex);
         Self {
@@ -142,14 +139,7 @@ impl Anchors {
             previous_faces: previous_faces.to_vec(),
             merge_penalty: options.merge_penalty,
             refinement: options.refinement.clone(),
-            mean_fit: fit / carried.len().max(1) as f64,
         }
-    }
-
-    /// How well what was carried fits on the whole, 0 to 1: close to 0 for another scene.
-    #[must_use]
-    pub fn mean_fit(&self) -> f64 {
-        self.mean_fit
     }
 }
 
@@ -393,7 +383,7 @@ mod tests {
             (&surface, mean_edge(&mesh)),
             &options,
         );
-        assert!(anchors.mean_fit() < 1e-9);
+        assert!(anchors.anchors.is_empty());
         let anchored = simplify_anchored(&mesh, &surface, &anchors, &target);
         let alone = simplify_anchored(&mesh, &surface, &Anchors::default(), &target);
         assert_eq!(anchored, alone);
