@@ -243,7 +243,8 @@ fn the_consistency_is_that_of_the_written_meshes() {
             let source = mesh(&done.path(&format!("in/frame{}.obj", frame - 1)));
             let registered = mesh(&done.path(&format!("registered/frame{frame}.ply")));
             let before = done.simplified(mode, frame - 1);
-            let carried = carry(before.positions(), &source, &registered);
+            let surface = TriangleTree::new(&source).unwrap();
+            let carried = carry(before.positions(), (&source, &surface), &registered);
             let carried = carried.into_iter().map(|vertex| vertex.position).collect();
             let carried = before.with_positions(carried).unwrap();
             let expected = consistency(&carried, &done.simplified(mode, frame)).unwrap();

@@ -11,33 +11,36 @@ use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::metrics::{self, DistancePair, FrameMetrics, Residual, Statistics};
 use steadymesh_proto::stream::MetricsMode;
 
+use super::PreparedFrame;
+
 /// Fills in the distances of `output` to `current` and to `registered`, and those of `current`
 /// to `output`.
 ///
-/// `output` is the mesh that players see, after quantization. `current_surface` is `current`'s, if
-/// there is one already; `registered` comes with its own. `mode` says from which vertices. Meshes without faces, which do not come
-/// this far, leave the figures out.
+/// `output` is the mesh that players see, after quantization; `registered` comes with its surface.
+/// `mode` says from which vertices. Meshes without faces, which do not come this far, leave the
+/// figures out.
 pub(super) fn add_distances(
     metrics: &mut FrameMetrics,
     output: &TriangleMesh,
-    (current, current_surface): (&TriangleMesh, Option<&TriangleTree>),
+    current: &PreparedFrame,
     registered: Option<(&TriangleMesh, &TriangleTree)>,
     mode: MetricsMode,
 ) {
     let from = measured_of(output.positions(), mode);
+    let vertices = current.mesh().positions();
     metrics.surface_distance = pair(
-        to_surface(&from, current, current_surface),
-        registered.and_then(|(mesh, surface)| to_surface(&from, mesh, Some(surface))),
+        current.surface().map(|surface| to_surface(&from, surface)),
+        registered.map(|(_, surface)| to_surface(&from, surface)),
     );
     if mode == MetricsMode::Full {
         metrics.vertex_distance = pair(
-            to_vertices(&from, current),
-            registered.and_then(|(mesh, _)| to_vertices(&from, mesh)),
+            to_vertices(&from, vertices),
+            registered.and_then(|(mesh, _)| to_vertices(&from, mesh.positions())),
         );
     }
     metrics.current_to_output = TriangleTree::new(output)
-        .map(|tree| match measured_of(current.positions(), mode) {
-            Cow::Borrowed(all) => vertex_to_surface_distances(all, current.faces(), &tree),
+        .map(|tree| match measured_of(vertices, mode) {
+            Cow::Borrowed(all) => vertex_to_surface_distances(all, current.mesh().faces(), &tree),
             Cow::Owned(some) => surface_distances(&some, &tree),
         })
         .map(|distances| statistics(&distances));
@@ -61,23 +64,14 @@ fn pair(current: Option<Statistics>, previous: Option<Statistics>) -> Option<Dis
     current.map(|current| DistancePair { previous, current })
 }
 
-/// From each of `points` to a mesh's surface, which may be there already.
-fn to_surface(
-    points: &[Point],
-    mesh: &TriangleMesh,
-    surface: Option<&TriangleTree>,
-) -> Option<Statistics> {
-    let mut built = None;
-    let surface = match surface {
-        Some(surface) => surface,
-        None => built.insert(TriangleTree::new(mesh)?),
-    };
-    Some(statistics(&surface_distances(points, surface)))
+/// From each of `points` to a surface.
+fn to_surface(points: &[Point], surface: &TriangleTree) -> Statistics {
+    statistics(&surface_distances(points, surface))
 }
 
-/// From each of `points` to the nearest vertex of a mesh.
-fn to_vertices(points: &[Point], mesh: &TriangleMesh) -> Option<Statistics> {
-    let vertices = VertexTree::new(mesh.positions())?;
+/// From each of `points` to the nearest of `vertices`.
+fn to_vertices(points: &[Point], vertices: &[Point]) -> Option<Statistics> {
+    let vertices = VertexTree::new(vertices)?;
     Some(statistics(&vertex_distances(points, &vertices)))
 }
 

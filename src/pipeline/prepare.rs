@@ -1,7 +1,10 @@
 //! The edge: from arrays that came from outside to a mesh that everything behind works on.
 
+use std::sync::{Arc, OnceLock};
+
 use steadymesh_geometry::mesh::repair::repair;
 use steadymesh_geometry::mesh::{BoundingBox, InvalidMesh};
+use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::metrics::Input;
 
@@ -42,9 +45,12 @@ pub enum UnusableFrame {
 }
 
 /// A frame that has passed the edge.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct PreparedFrame {
     mesh: TriangleMesh,
+    /// Made when it is first asked for: it takes part in this frame's registration and in the
+    /// next one's.
+    surface: OnceLock<Option<Arc<TriangleTree>>>,
     bounds: BoundingBox,
     input: Input,
 }
@@ -79,6 +85,7 @@ impl PreparedFrame {
         Ok(Self {
             bounds: mesh.bounding_box(),
             mesh,
+            surface: OnceLock::new(),
             input,
         })
     }
@@ -87,6 +94,13 @@ impl PreparedFrame {
     #[must_use]
     pub fn mesh(&self) -> &TriangleMesh {
         &self.mesh
+    }
+
+    /// The tree over the repaired mesh's surface; none if it has no faces, which does not come
+    /// this far.
+    pub(super) fn surface(&self) -> Option<&Arc<TriangleTree>> {
+        let make = || TriangleTree::new(&self.mesh).map(Arc::new);
+        self.surface.get_or_init(make).as_ref()
     }
 
     /// The repaired mesh's bounding box.

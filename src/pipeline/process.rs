@@ -1,7 +1,5 @@
 //! One frame, from its prepared mesh to what is delivered.
 
-use std::sync::Arc;
-
 use steadymesh_draco::{DecodeLimits, MeshView};
 use steadymesh_geometry::mesh::mean_edge;
 use steadymesh_geometry::simplification::{
@@ -116,7 +114,6 @@ pub fn process_registered(
     let measured = settings.metrics != MetricsMode::Off;
     let cut = registered.as_ref().and_then(Registered::scene_cut);
     let figures = registered.as_ref().map(|r| r.figures.clone());
-    let surface = registered.as_ref().map(|r| Arc::clone(&r.current_surface));
     let registered = registered.filter(|_| cut.is_none());
     let carried = registered
         .as_ref()
@@ -130,11 +127,9 @@ pub fn process_registered(
         reset: cut.map(|cut| cut.to_string()),
         ..FrameMetrics::default()
     };
-    let hold = match (settings.tracking, &registered, &carried, &surface) {
-        (Tracking::Paper, Some(registered), ..) => Hold::Reference(registered),
-        (Tracking::Robust, ..) => {
-            hold_by_anchors(carried.as_ref(), current, surface.as_ref(), settings)
-        }
+    let hold = match (settings.tracking, &registered) {
+        (Tracking::Paper, Some(registered)) => Hold::Reference(registered),
+        (Tracking::Robust, _) => hold_by_anchors(carried.as_ref(), current, settings),
         _ => Hold::Nothing,
     };
     let simplified;
@@ -151,7 +146,6 @@ pub fn process_registered(
     observer.ended(Stage::Encode);
 
     if measured {
-        let current = (current.mesh(), surface.as_deref());
         let previous = registered.as_ref().zip(registered_surface.as_deref());
         measure::add_distances(&mut metrics, &mesh, current, previous, settings.metrics);
         metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh));
@@ -170,7 +164,7 @@ enum Hold<'a> {
     Nothing,
     Reference(&'a TriangleMesh),
     /// None, for a frame of its own, and the surface of the frame.
-    Anchors(Option<Anchors>, Arc<TriangleTree>),
+    Anchors(Option<Anchors>, &'a TriangleTree),
 }
 
 impl Hold<'_> {
@@ -196,15 +190,11 @@ impl Hold<'_> {
 
 fn hold_by_anchors<'a>(
     carried: Option<&CarriedOutput>,
-    current: &PreparedFrame,
-    surface: Option<&Arc<TriangleTree>>,
+    current: &'a PreparedFrame,
     settings: &Settings,
 ) -> Hold<'a> {
     let mesh = current.mesh();
-    let Some(surface) = surface
-        .cloned()
-        .or_else(|| TriangleTree::new(mesh).map(Arc::new))
-    else {
+    let Some(surface) = current.surface() else {
         return Hold::Nothing;
     };
     let options = &anchors::Options::with_strength(settings.tracking_strength.get());
@@ -213,7 +203,7 @@ fn hold_by_anchors<'a>(
         Some(Anchors::new(
             previous,
             mesh,
-            (&surface, mean_edge(mesh)),
+            (surface, mean_edge(mesh)),
             options,
         ))
     });

@@ -20,9 +20,8 @@ pub struct Registered {
     /// How well it fits.
     pub figures: metrics::Registration,
     /// The previous frame as it was.
-    pub(super) source: TriangleMesh,
-    /// The current frame's surface, which registration has searched and which is measured to.
-    pub(super) current_surface: Arc<TriangleTree>,
+    source: TriangleMesh,
+    source_surface: Arc<TriangleTree>,
     /// That of `mesh`.
     pub(super) surface: Arc<TriangleTree>,
     pub(super) scene_cut: Option<SceneCut>,
@@ -38,7 +37,8 @@ impl Registered {
     /// Carries the previous frame's result along.
     #[must_use]
     pub fn carry(&self, previous_output: &TriangleMesh) -> CarriedOutput {
-        let vertices = registration::carry(previous_output.positions(), &self.source, &self.mesh);
+        let source = (&self.source, self.source_surface.as_ref());
+        let vertices = registration::carry(previous_output.positions(), source, &self.mesh);
         let positions = vertices.iter().map(|vertex| vertex.position).collect();
         CarriedOutput {
             mesh: previous_output.with_positions(positions).ok(),
@@ -84,7 +84,13 @@ pub fn register(
     current: &PreparedFrame,
     options: &registration::Options,
 ) -> Result<Registered, RegistrationError> {
-    let target = Target::new(current.mesh())?;
+    let surface_of = |frame: &PreparedFrame, which| {
+        let surface = frame.surface().cloned();
+        surface.ok_or(RegistrationError::Empty { which })
+    };
+    let source_surface = surface_of(previous, "source")?;
+    let current_surface = surface_of(current, "target")?;
+    let target = Target::of_surface(current.mesh(), Arc::clone(&current_surface));
     let found = registration::register(previous.mesh(), &target, options)?;
     let figures = measure::registration(&found);
     let mesh = previous
@@ -94,7 +100,6 @@ pub fn register(
     // Rounded before it is used, so that what is written is what was measured.
     let mesh = mesh.rounded_to_f32();
     let surface = TriangleTree::new(&mesh).ok_or(RegistrationError::Empty { which: "source" })?;
-    let current_surface = target.into_surface();
     let cut = scene_cut(
         &Surface {
             mesh: &mesh,
@@ -112,7 +117,7 @@ pub fn register(
         mesh,
         figures,
         source: previous.mesh().clone(),
-        current_surface: Arc::new(current_surface),
+        source_surface,
         surface: Arc::new(surface),
         scene_cut: cut,
     })

@@ -17,8 +17,8 @@ pub struct Carried {
     pub height: f64,
 }
 
-/// Carries `points`, which are near the surface of `source`, to where `registered` has it: the
-/// same mesh at other positions.
+/// Carries `points`, which are near `source`, a mesh and its surface, to where `registered` has it:
+/// the same mesh at other positions.
 ///
 /// A point keeps its place in the face that is closest to it: the foot's barycentric
 /// coordinates, the height along the face's normal, and the rest of its offset unturned.
@@ -27,18 +27,13 @@ pub struct Carried {
 ///
 /// If `registered` has fewer faces than `source`.
 #[must_use]
-pub fn carry(points: &[Point], source: &TriangleMesh, registered: &TriangleMesh) -> Vec<Carried> {
-    let Some(tree) = TriangleTree::new(source) else {
-        let still = |&position: &Point| Carried {
-            position,
-            foot: position,
-            normal: Vector::zeros(),
-            height: 0.0,
-        };
-        return points.iter().map(still).collect();
-    };
+pub fn carry(
+    points: &[Point],
+    (source, surface): (&TriangleMesh, &TriangleTree),
+    registered: &TriangleMesh,
+) -> Vec<Carried> {
     let carry_one = |point: &Point| {
-        let closest = tree.closest(point);
+        let closest = surface.closest(point);
         let (from, to) = (
             source.triangle(closest.face as usize),
             registered.triangle(closest.face as usize),
@@ -74,7 +69,8 @@ mod tests {
         let moved = corners.iter().map(|p| motion * p).collect();
         let registered = source.with_positions(moved).unwrap();
         let point = Point::new(0.5, 0.3, 0.2);
-        let carried = carry(&[point], &source, &registered)[0];
+        let surface = TriangleTree::new(&source).unwrap();
+        let carried = carry(&[point], (&source, &surface), &registered)[0];
         assert!((carried.position - motion * point).norm() < 1e-12);
         assert!((carried.foot - motion * Point::new(0.5, 0.3, 0.0)).norm() < 1e-12);
         assert!((carried.height - 0.2).abs() < 1e-12);

@@ -1,5 +1,7 @@
 //! What a source is registered onto: a surface ready for queries.
 
+use std::sync::Arc;
+
 use crate::mesh::{face_normals, mean_edge};
 use crate::spatial::{SurfacePoint, TriangleTree};
 use crate::{Point, TriangleMesh, Vector};
@@ -9,7 +11,7 @@ use super::RegistrationError;
 /// The current frame, prepared once for all the searches that registration makes on it.
 #[derive(Debug)]
 pub struct Target {
-    tree: TriangleTree,
+    tree: Arc<TriangleTree>,
     normals: Vec<Vector>,
     mean_edge: f64,
     diagonal: f64,
@@ -24,17 +26,23 @@ impl Target {
     /// [`RegistrationError::Empty`] if it has no faces.
     pub fn new(mesh: &TriangleMesh) -> Result<Self, RegistrationError> {
         let tree = TriangleTree::new(mesh).ok_or(RegistrationError::Empty { which: "target" })?;
+        Ok(Self::of_surface(mesh, Arc::new(tree)))
+    }
+
+    /// The same with the tree over the surface of `mesh` that is there already.
+    #[must_use]
+    pub fn of_surface(mesh: &TriangleMesh, tree: Arc<TriangleTree>) -> Self {
         let mean_edge = mean_edge(mesh);
         let diagonal = mesh.bounding_box().diagonal();
         let sum: Vector = mesh.positions().iter().map(|p| p.coords).sum();
         let centroid = Point::from(sum / mesh.vertex_count() as f64);
-        Ok(Self {
+        Self {
             tree,
             normals: face_normals(mesh),
             mean_edge,
             diagonal,
             centroid,
-        })
+        }
     }
 
     /// The closest point of the surface, and the unit normal of the face it is on.
@@ -58,12 +66,6 @@ impl Target {
     #[must_use]
     pub fn surface(&self) -> &TriangleTree {
         &self.tree
-    }
-
-    /// The tree, for those who go on searching it.
-    #[must_use]
-    pub fn into_surface(self) -> TriangleTree {
-        self.tree
     }
 
     /// The mean length of the target's edges.

@@ -304,7 +304,8 @@ mod tests {
     }
 
     fn anchors(previous: &TriangleMesh, source: &TriangleMesh, mesh: &TriangleMesh) -> Anchors {
-        let carried = carry(previous.positions(), source, source);
+        let before = TriangleTree::new(source).unwrap();
+        let carried = carry(previous.positions(), (source, &before), source);
         let surface = TriangleTree::new(mesh).unwrap();
         Anchors::new(
             (&carried, previous.faces()),
@@ -344,7 +345,8 @@ mod tests {
         let target = Target::to_faces(300);
         let previous = simplify(&before, None, &target).mesh;
         let surface = TriangleTree::new(&after).unwrap();
-        let carried = carry(previous.positions(), &before, &before);
+        let surface_before = TriangleTree::new(&before).unwrap();
+        let carried = carry(previous.positions(), (&before, &surface_before), &before);
         let found = [0.0, 0.5, 1.0].map(|strength| {
             let anchors = Anchors::new(
                 (&carried, previous.faces()),
@@ -374,8 +376,8 @@ mod tests {
             .map(|p| p + Vector::z() * 50.0)
             .collect();
         let registered = mesh.with_positions(away).unwrap();
-        let carried = carry(previous.positions(), &mesh, &registered);
         let surface = TriangleTree::new(&mesh).unwrap();
+        let carried = carry(previous.positions(), (&mesh, &surface), &registered);
         let options = Options::default();
         let anchors = Anchors::new(
             (&carried, previous.faces()),
