@@ -1,6 +1,6 @@
 //! The mesh as it shrinks, and which collapses keep it a manifold.
 
-use crate::mesh::vertex_faces;
+use crate::mesh::{Edge, vertex_faces};
 use crate::{Face, Point, TriangleMesh, Vector};
 
 use super::faces_around::{FacesAround, MAX_VALENCE};
@@ -11,6 +11,8 @@ pub(super) struct Connectivity {
     alive: Vec<bool>,
     face_count: usize,
     around: FacesAround,
+    /// By vertex, whether it is on a boundary: whether its fan of faces is not closed.
+    is_open: Vec<bool>,
     marks: Marks,
 }
 
@@ -27,16 +29,27 @@ const MIN_SQUARE_COSINE: f64 = 0.04;
 impl Connectivity {
     pub fn new(mesh: &TriangleMesh) -> Self {
         let face_count = mesh.face_count();
-        Self {
+        let mut connectivity = Self {
             faces: mesh.faces().to_vec(),
             alive: vec![true; face_count],
             face_count,
             around: FacesAround::new(mesh.vertex_count(), &vertex_faces(mesh)),
+            is_open: may_be_open(mesh),
             marks: Marks {
                 of_vertex: vec![0; mesh.vertex_count()],
                 last: 0,
             },
+        };
+        let mut neighbors = Vec::new();
+        for vertex in 0..mesh.vertex_count() as u32 {
+            if connectivity.is_open[vertex as usize] {
+                connectivity.neighbors(vertex, &mut neighbors);
+                // A closed fan has as many neighbors as faces, an open one has one more.
+                let face_count = connectivity.around.valence(vertex);
+                connectivity.is_open[vertex as usize] = face_count < neighbors.len();
+            }
         }
+        connectivity
     }
 
     pub fn face_count(&self) -> usize {
@@ -83,86 +96,93 @@ impl Connectivity {
             .filter_map(move |&face| apex(self.faces[face as usize], a, b))
     }
 
-    /// The number of faces on the edge between `a` and `b`, not both of them hubs unless nothing
-    /// was collapsed yet.
-    pub fn face_count_on(&self, a: u32, b: u32) -> usize {
-        if self.around.valence(a) <= self.around.valence(b) {
-            self.apexes(a, b).count()
-        } else {
-            self.apexes(b, a).count()
+    /// Calls `take` with every edge of which neither end is a hub; with one whose faces turn
+    /// against each other, perhaps twice.
+    pub fn for_each_edge(&self, mut take: impl FnMut(Edge)) {
+        for face in self.faces() {
+            for corner in 0..3 {
+                let (a, b) = (face[corner], face[(corner + 1) % 3]);
+                if self.is_hub(a) || self.is_hub(b) {
+                    continue;
+                }
+                if a < b || !self.has_opposite(a, b) {
+                    take(Edge::new(a, b));
+                }
+            }
         }
     }
 
-    /// Whether collapsing the edge between `a` and `b` leaves a surface of the same kind, and no
-    /// vertex with more than [`MAX_VALENCE`] faces.
+    /// Whether there is just one face on the edge from `a` to `b`, which has that one.
+    pub fn is_boundary(&self, a: u32, b: u32) -> bool {
+        !self.has_opposite(a, b) && self.apexes(a, b).count() == 1
+    }
+
+    /// Whether the edge from `a` to `b`, which a face has, runs the other way in another one.
+    fn has_opposite(&self, a: u32, b: u32) -> bool {
+        let is_open = self.is_open[a as usize] && self.is_open[b as usize];
+        let runs_back = |&face: &u32| {
+            let [x, y, z] = self.faces[face as usize];
+            [[x, y], [y, z], [z, x]].contains(&[b, a])
+        };
+        !is_open || self.around.row(b).iter().any(runs_back)
+    }
+
+    /// How many faces collapsing the edge between `a` and `b` takes away; `None` if it does not
+    /// leave a surface of the same kind, or leaves a vertex with more than [`MAX_VALENCE`] faces.
     ///
     /// The link condition, Lk(a) ∩ Lk(b) = Lk(ab): Dey, Edelsbrunner, Guha and Nekhayev,
     /// "Topology Preserving Edge Contraction", Publications de l'Institut Mathématique 66(80),
     /// 1999, with the boundary closed by an imagined vertex.
-    pub fn may_collapse(&mut self, a: u32, b: u32) -> bool {
+    pub fn faces_of_collapse(&mut self, a: u32, b: u32) -> Option<usize> {
         if MAX_VALENCE < self.around.valence(a) + self.around.valence(b) {
-            return false;
+            return None;
         }
         let mut apexes = self.apexes(a, b);
-        let (first, second) = (apexes.next(), apexes.next());
-        let (Some(first), None) = (first, apexes.next()) else {
-            return false;
-        };
+        let (first, second) = (apexes.next()?, apexes.next());
+        if apexes.next().is_some() || second == Some(first) {
+            return None;
+        }
         drop(apexes);
-        if second == Some(first) {
-            return false;
-        }
         // An apex that only this face holds would be lost, and with it the surface's outline.
-        let apex_count = 1 + usize::from(second.is_some());
-        if [Some(first), second]
-            .into_iter()
-            .flatten()
-            .any(|apex| self.around.valence(apex) == 1)
-        {
-            return false;
+        let is_held = |apex: u32| self.around.valence(apex) != 1;
+        if !is_held(first) || !second.is_none_or(is_held) {
+            return None;
         }
-        let (common, [a_is_on_boundary, b_is_on_boundary]) = self.common_neighbors(a, b);
         // Apexes are neighbors of both: equal numbers are equal sets.
-        if common != apex_count {
-            return false;
+        let apex_count = 1 + usize::from(second.is_some());
+        if self.common_neighbors(a, b) != apex_count {
+            return None;
         }
-        let Some(second) = second else { return true };
-        if a_is_on_boundary && b_is_on_boundary {
-            return false;
+        let Some(second) = second else {
+            return Some(1);
+        };
+        if self.is_open[a as usize] && self.is_open[b as usize] {
+            return None;
         }
         // A face at a and one at b over the same edge would fall onto each other, as on a
         // tetrahedron; that edge could only run between the apexes.
-        !(self.has_face([a, first, second]) && self.has_face([b, first, second]))
+        let fall_together = self.has_face([a, first, second]) && self.has_face([b, first, second]);
+        (!fall_together).then_some(2)
     }
 
-    /// The number of vertices that neighbor both, and whether each of the two is on a boundary.
-    fn common_neighbors(&mut self, a: u32, b: u32) -> (usize, [bool; 2]) {
-        let (of_a, of_both, of_b) = (self.marks.fresh(), self.marks.fresh(), self.marks.fresh());
-        let mut count_a = 0;
+    /// The number of vertices that neighbor both.
+    fn common_neighbors(&mut self, a: u32, b: u32) -> usize {
+        let (of_a, counted) = (self.marks.fresh(), self.marks.fresh());
         for &face in self.around.row(a) {
-            for corner in self.faces[face as usize] {
-                count_a += usize::from(corner != a && self.marks.set(corner, of_a));
-            }
+            let (next, last) = opposite(self.faces[face as usize], a);
+            self.marks.set(next, of_a);
+            self.marks.set(last, of_a);
         }
-        let (mut common, mut count_b) = (0, 0);
+        let mut common = 0;
         for &face in self.around.row(b) {
-            for corner in self.faces[face as usize] {
+            let (next, last) = opposite(self.faces[face as usize], b);
+            for corner in [next, last] {
                 let mark = &mut self.marks.of_vertex[corner as usize];
-                if corner == b || *mark == of_both || *mark == of_b {
-                    continue;
-                }
-                count_b += 1;
-                let is_common = *mark == of_a;
-                common += usize::from(is_common);
-                *mark = if is_common { of_both } else { of_b };
+                common += usize::from(*mark == of_a);
+                *mark = if *mark == of_a { counted } else { *mark };
             }
         }
-        // A closed fan has as many neighbors as faces, an open one has one more.
-        let on_boundary = [
-            self.around.row(a).len() < count_a,
-            self.around.row(b).len() < count_b,
-        ];
-        (common, on_boundary)
+        common
     }
 
     /// Whether the three vertices, the first of them alive, are the corners of a face.
@@ -179,15 +199,7 @@ impl Connectivity {
         let at = |corner: u32| &positions[corner as usize];
         [(a, b), (b, a)].into_iter().all(|(vertex, other)| {
             self.around.row(vertex).iter().all(|&face| {
-                let [x, y, z] = self.faces[face as usize];
-                // The other two corners, in the face's direction.
-                let (left, right) = if x == vertex {
-                    (y, z)
-                } else if y == vertex {
-                    (z, x)
-                } else {
-                    (x, y)
-                };
+                let (left, right) = opposite(self.faces[face as usize], vertex);
                 left == other || right == other || {
                     let far_edge = at(right) - at(left);
                     keeps_side(&far_edge, &(at(vertex) - at(left)), &(to - at(left)))
@@ -198,6 +210,7 @@ impl Connectivity {
 
     /// Merges `b` into `a`. The faces on their edge vanish.
     pub fn collapse(&mut self, a: u32, b: u32) {
+        self.is_open[a as usize] |= self.is_open[b as usize];
         let start = self.around.start_row();
         for index in self.around.range(a) {
             let face = self.around.at(index);
@@ -237,6 +250,41 @@ impl Marks {
     #[inline]
     fn set(&mut self, vertex: u32, mark: u32) -> bool {
         std::mem::replace(&mut self.of_vertex[vertex as usize], mark) != mark
+    }
+}
+
+/// The vertices whose fan of faces may be open: around the others, what follows a vertex in its
+/// faces and what precedes it are the same vertices.
+///
+/// A sum of hashes: what is missed, one in 2⁶⁴, is a boundary that is taken for none.
+fn may_be_open(mesh: &TriangleMesh) -> Vec<bool> {
+    let hash = |vertex: u32| {
+        // 2⁶⁴ divided by the golden ratio spreads neighbors far apart (Knuth's multiplicative
+        // hashing); once more, so that sums of hashes are not hashes of sums.
+        const SPREAD: u64 = 0x9e37_79b9_7f4a_7c15;
+        let mixed = (u64::from(vertex) + 1).wrapping_mul(SPREAD);
+        (mixed ^ (mixed >> 32)).wrapping_mul(SPREAD)
+    };
+    let mut sums = vec![0u64; mesh.vertex_count()];
+    for face in mesh.faces() {
+        let [a, b, c] = face.map(hash);
+        for (vertex, next, last) in [(face[0], b, c), (face[1], c, a), (face[2], a, b)] {
+            let sum = &mut sums[vertex as usize];
+            *sum = sum.wrapping_add(next).wrapping_sub(last);
+        }
+    }
+    sums.iter().map(|&sum| sum != 0).collect()
+}
+
+/// The other two corners of a face that has `vertex`, in the face's direction.
+#[inline]
+fn opposite([x, y, z]: Face, vertex: u32) -> (u32, u32) {
+    if x == vertex {
+        (y, z)
+    } else if y == vertex {
+        (z, x)
+    } else {
+        (x, y)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Collapses the cheapest edge until the mesh is small enough.
+//! Collapses edges, cheap ones first, until the mesh is small enough.
 
 use crate::mesh::{Edge, face_normal};
 use crate::spatial::TriangleTree;
@@ -7,9 +7,10 @@ use crate::{Face, Point, TriangleMesh};
 use super::Quadric;
 use super::anchors::{Anchors, Pulls};
 use super::connectivity::Connectivity;
+use super::greedy::Greedy;
 use super::normalization::Normalization;
+use super::passes::Passes;
 use super::placement::place;
-use super::queue::{Candidate, Queue};
 use super::refinement::{Kept, refine};
 use super::tracked::{Reference, vertex_quadrics};
 
@@ -111,21 +112,24 @@ fn simplify_guided(
         Reference::new(r, &positions, mesh.vertex_count())
     });
     let reduction = mesh.face_count() as f64 / options.target_faces.max(1) as f64;
-    let mut connectivity = Connectivity::new(mesh);
-    let mut run = Run {
-        quadrics: initial_quadrics(mesh, &positions, &mut connectivity, options),
+    let connectivity = Connectivity::new(mesh);
+    let mut collapses = Collapses {
+        quadrics: initial_quadrics(mesh, &positions, &connectivity, options),
         connectivity,
         versions: vec![0; mesh.vertex_count()],
         positions,
         reference,
         pulls: Pulls::new(anchors, &normalization, (mesh.vertex_count(), reduction)),
-        queue: Queue::new(mesh.vertex_count()),
-        collapses: 0,
-        neighbors: Vec::new(),
-        candidates: Vec::new(),
+        count: 0,
     };
-    run.collapse_to(options.target_faces);
-    run.finish(mesh, &normalization, options.target_faces)
+    if collapses.reference.is_some() {
+        let mut greedy = Greedy::new(mesh.vertex_count());
+        collapses.collapse_to(options.target_faces, &mut greedy);
+    } else {
+        let mut passes = Passes::new(mesh.vertex_count());
+        collapses.collapse_to(options.target_faces, &mut passes);
+    }
+    collapses.finish(mesh, &normalization, options.target_faces)
 }
 
 /// The planes of the faces around each vertex, and at boundary edges a plane through the edge
@@ -133,13 +137,14 @@ fn simplify_guided(
 fn initial_quadrics(
     mesh: &TriangleMesh,
     positions: &[Point],
-    connectivity: &mut Connectivity,
+    connectivity: &Connectivity,
     options: &Options,
 ) -> Vec<Quadric> {
     let mut quadrics = vertex_quadrics(mesh, positions);
     for face in mesh.faces() {
-        for edge in Edge::of_face(*face) {
-            if connectivity.face_count_on(edge.0, edge.1) != 1 {
+        for corner in 0..3 {
+            let edge = Edge::new(face[corner], face[(corner + 1) % 3]);
+            if !connectivity.is_boundary(face[corner], face[(corner + 1) % 3]) {
                 continue;
             }
             let (a, b) = (positions[edge.0 as usize], positions[edge.1 as usize]);
@@ -157,96 +162,85 @@ fn initial_quadrics(
     quadrics
 }
 
-/// How often the queue is filled again for one pass, at the most; captures need one or two.
-const MAX_ROUNDS: usize = 16;
-
 /// Costs below this (a distance of 1e-9 of the diagonal, squared) are rounding, and all alike.
 const NO_COST: f64 = 1e-18;
 
-struct Run {
-    positions: Vec<Point>,
-    quadrics: Vec<Quadric>,
-    connectivity: Connectivity,
+/// A mesh as its edges collapse.
+pub(super) struct Collapses {
+    pub positions: Vec<Point>,
+    pub connectivity: Connectivity,
     /// How often each vertex was merged.
-    versions: Vec<u32>,
-    reference: Option<Reference>,
+    pub versions: Vec<u32>,
+    pub reference: Option<Reference>,
+    quadrics: Vec<Quadric>,
     pulls: Option<Pulls>,
-    queue: Queue,
-    collapses: usize,
-    /// Kept for their allocations.
-    neighbors: Vec<u32>,
-    candidates: Vec<Candidate>,
+    count: usize,
 }
 
 /// What a collapse must respect.
 #[derive(Clone, Copy, PartialEq)]
-enum Pass {
+pub(super) enum Rules {
     /// Topology, and no face may flip.
     Strict,
     /// Topology only: the last resort before giving up on the target.
     TopologyOnly,
 }
 
-impl Run {
+/// Which edge is next.
+pub(super) trait Order {
+    /// Starts with all edges there are.
+    fn fill(&mut self, mesh: &mut Collapses);
+
+    /// Collapses edges until there are `target` faces or none of those that it knows may.
+    fn drain(&mut self, mesh: &mut Collapses, target: usize, rules: Rules);
+}
+
+/// How often an order starts again with the same rules, at the most; captures need one or two.
+const MAX_ROUNDS: usize = 16;
+
+impl Collapses {
     /// Collapses edges until `target` is reached or no collapse is left.
     ///
-    /// An edge that was refused may become possible when its surroundings change, so the queue
-    /// is filled again as long as that helps.
-    fn collapse_to(&mut self, target: usize) {
-        for pass in [Pass::Strict, Pass::TopologyOnly] {
+    /// An edge that was refused may become possible when its surroundings change, so the order
+    /// starts again as long as that helps.
+    fn collapse_to(&mut self, target: usize, order: &mut impl Order) {
+        for rules in [Rules::Strict, Rules::TopologyOnly] {
             for _ in 0..MAX_ROUNDS {
-                self.fill_queue();
-                let before = self.collapses;
-                self.drain_queue(target, pass);
+                order.fill(self);
+                let before = self.count;
+                order.drain(self, target, rules);
                 // One face too many may be all that the topology allows; flipping faces to get
                 // rid of it is not worth it.
                 let close = self.connectivity.face_count() <= target + 1;
-                if self.connectivity.face_count() <= target || (close && before == self.collapses) {
+                if self.connectivity.face_count() <= target || (close && before == self.count) {
                     return;
                 }
-                if before == self.collapses {
+                if before == self.count {
                     break;
                 }
             }
         }
     }
 
-    /// Every edge is with the smaller of its vertices.
-    fn fill_queue(&mut self) {
-        self.queue.clear();
-        for vertex in 0..self.connectivity.vertex_count() as u32 {
-            if !self.connectivity.is_hub(vertex) {
-                self.queue_edges(vertex, |vertex, neighbor| vertex < neighbor);
-            }
+    /// Collapses an edge into its first vertex if the rules allow it and it leaves no fewer than
+    /// `target` faces. Says whether it did.
+    pub fn try_collapse(&mut self, edge: Edge, target: usize, rules: Rules) -> bool {
+        let Edge(a, b) = edge;
+        let Some(vanishing) = self.connectivity.faces_of_collapse(a, b) else {
+            return false;
+        };
+        if self.connectivity.face_count() < target + vanishing {
+            return false;
         }
-    }
-
-    fn drain_queue(&mut self, target: usize, pass: Pass) {
-        while target < self.connectivity.face_count() {
-            let versions = &self.versions;
-            let is_current =
-                |candidate: &Candidate| candidate.stamp == stamp(versions, candidate.edge);
-            let Some(Candidate { edge, .. }) = self.queue.pop(is_current) else {
-                return;
-            };
-            let Edge(a, b) = edge;
-            if !self.connectivity.may_collapse(a, b) {
-                continue;
-            }
-            let vanishing = self.connectivity.face_count_on(a, b);
-            if self.connectivity.face_count() < target + vanishing {
-                continue;
-            }
-            // Nothing around the edge has changed since it was queued: the same as then.
-            let (position, _) = self.evaluate(edge);
-            if pass == Pass::TopologyOnly
-                || self
-                    .connectivity
-                    .keeps_orientation(&self.positions, (a, b), &position)
-            {
-                self.collapse(a, b, position);
-            }
+        let (position, _) = self.evaluate(edge);
+        let is_allowed = rules == Rules::TopologyOnly
+            || self
+                .connectivity
+                .keeps_orientation(&self.positions, (a, b), &position);
+        if is_allowed {
+            self.collapse(a, b, position);
         }
+        is_allowed
     }
 
     fn collapse(&mut self, a: u32, b: u32, position: Point) {
@@ -260,38 +254,13 @@ impl Run {
         }
         self.versions[a as usize] += 1;
         self.versions[b as usize] += 1;
-        self.collapses += 1;
-        self.queue.set(b, &[]);
-        self.queue_edges(a, |_, _| true);
+        self.count += 1;
     }
 
-    /// Puts the edges between `vertex` and those of its neighbors that `is_wanted` accepts into
-    /// the queue, with `vertex` as their owner.
-    fn queue_edges(&mut self, vertex: u32, is_wanted: impl Fn(u32, u32) -> bool) {
-        let mut neighbors = std::mem::take(&mut self.neighbors);
-        let mut candidates = std::mem::take(&mut self.candidates);
-        candidates.clear();
-        self.connectivity.neighbors(vertex, &mut neighbors);
-        if let Some(reference) = &mut self.reference {
-            let position = &self.positions[vertex as usize];
-            let lengths = neighbors
-                .iter()
-                .map(|&n| (self.positions[n as usize] - position).norm_squared());
-            reference.prepare(vertex, position, lengths.fold(0.0, f64::max));
-        }
-        for &neighbor in neighbors.iter().filter(|&&n| is_wanted(vertex, n)) {
-            let edge = Edge::new(vertex, neighbor);
-            let (_, cost) = self.evaluate(edge);
-            let along = self.positions[edge.1 as usize] - self.positions[edge.0 as usize];
-            candidates.push(Candidate::new(
-                edge,
-                if cost < NO_COST { 0.0 } else { cost },
-                along.norm_squared(),
-                stamp(&self.versions, edge),
-            ));
-        }
-        self.queue.set(vertex, &candidates);
-        (self.neighbors, self.candidates) = (neighbors, candidates);
+    /// What collapsing an edge costs, rounding taken for nothing.
+    pub fn cost(&mut self, edge: Edge) -> f64 {
+        let (_, cost) = self.evaluate(edge);
+        if cost < NO_COST { 0.0 } else { cost }
     }
 
     /// Where the edge's vertices would be merged, and what that costs (Eq. 10, 12 and 15).
@@ -351,13 +320,8 @@ impl Run {
         let simplified = Simplified {
             mesh: TriangleMesh::from_valid(positions, faces),
             target_reached,
-            collapses: self.collapses,
+            collapses: self.count,
         };
         (simplified, kept)
     }
-}
-
-/// Grows whenever one of the edge's vertices changes.
-fn stamp(versions: &[u32], edge: Edge) -> u32 {
-    versions[edge.0 as usize] + versions[edge.1 as usize]
 }

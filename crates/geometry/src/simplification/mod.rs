@@ -5,7 +5,8 @@
 //! - `tracked`: the reference's quadrics around an edge (Eq. 10 to 14, 16).
 //! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
-//! - `queue`: the edges that may be collapsed, cheapest first.
+//! - `greedy`, `queue`: the cheapest edge first, for the paper's mode.
+//! - `passes`, `ranking`: nearly that order at half the time, for all others.
 //! - [`anchors`]: what the previous result holds the new one by.
 //! - [`simplify`], [`simplify_anchored`]: collapses the cheapest edge until the target is reached.
 //!
@@ -15,10 +16,13 @@ pub mod anchors;
 mod connectivity;
 mod edge_collapse;
 mod faces_around;
+mod greedy;
 mod normalization;
+mod passes;
 mod placement;
 mod quadric;
 mod queue;
+mod ranking;
 pub mod refinement;
 mod tracked;
 

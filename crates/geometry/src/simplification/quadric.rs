@@ -1,7 +1,5 @@
 //! The quadric error metric.
 
-use nalgebra::Matrix3;
-
 use crate::{Point, Vector};
 
 /// Δ(v) = vᵀQv: the sum of the squared distances from a point to a set of planes.
@@ -88,6 +86,7 @@ impl Quadric {
 
     /// Δ(v), not below zero.
     #[must_use]
+    #[inline]
     pub fn cost(&self, v: &Point) -> f64 {
         let [xx, xy, xz, yy, yz, zz] = self.a;
         let product = Vector::new(
@@ -101,31 +100,30 @@ impl Quadric {
     /// The point of least cost (Eq. 6 and 15), or `None` where the matrix is too close to a
     /// singular one to say ("irreversible").
     #[must_use]
+    #[inline]
     pub fn minimizer(&self) -> Option<Point> {
         self.minimizer_above(MIN_RELATIVE_DETERMINANT)
     }
 
     /// The same with another threshold for det A relative to (trace A / 3)³.
+    #[inline]
     pub(super) fn minimizer_above(&self, min_relative_determinant: f64) -> Option<Point> {
         let [xx, xy, xz, yy, yz, zz] = self.a;
-        let cofactors = Vector::new(yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
-        let determinant = xx * cofactors.x + xy * cofactors.y + xz * cofactors.z;
+        // The adjugate of A, which is symmetric too.
+        let (first, second, third) = (yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz);
+        let determinant = xx * first + xy * second + xz * third;
         let mean = (xx + yy + zz) / 3.0;
         if determinant <= min_relative_determinant * mean * mean * mean {
             return None;
         }
-        let inverse = Matrix3::new(
-            cofactors.x,
-            cofactors.y,
-            cofactors.z,
-            cofactors.y,
-            xx * zz - xz * xz,
-            xy * xz - xx * yz,
-            cofactors.z,
-            xy * xz - xx * yz,
-            xx * yy - xy * xy,
-        ) / determinant;
-        Some(Point::from(-(inverse * self.b)))
+        let (fourth, fifth, sixth) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
+        let b = &self.b;
+        let product = Vector::new(
+            first * b.x + second * b.y + third * b.z,
+            second * b.x + fourth * b.y + fifth * b.z,
+            third * b.x + fifth * b.y + sixth * b.z,
+        );
+        Some(Point::from(product * (-1.0 / determinant)))
     }
 }
 
