@@ -9,6 +9,7 @@
 mod carry;
 mod error;
 mod frame;
+pub mod membrane;
 pub mod nonrigid;
 pub mod rigid;
 mod robust_kernel;
