@@ -49,7 +49,7 @@ impl Default for Options {
             rounds: 1,
             smoothness: 0.5,
             decay: 0.01,
-            scale: 0.5,
+            scale: 1.0,
             max_normal_angle_degrees: 60.0,
             sweeps: 8,
         }
