@@ -44,7 +44,10 @@ impl Figures {
     }
 
     fn show(self, what: &str) -> Self {
-        println!("{what}: {:.3} / {:.3} / {:.3}", self.mean, self.p95, self.max);
+        println!(
+            "{what}: {:.3} / {:.3} / {:.3}",
+            self.mean, self.p95, self.max
+        );
         self
     }
 }
@@ -60,7 +63,10 @@ impl Pair {
         let (before, after) = (rig.frame(frame), rig.frame(frame + 1));
         let points: Vec<[f64; 3]> = before.positions.iter().map(|p| p.map(f64::from)).collect();
         let truth = rig.carry(&points, &before.rest, frame, frame + 1);
-        let target = after.positions.iter().map(|p| Point::from(p.map(f64::from)));
+        let target = after
+            .positions
+            .iter()
+            .map(|p| Point::from(p.map(f64::from)));
         Self {
             source: TriangleMesh::new(points.into_iter().map(Point::from).collect(), before.faces)
                 .unwrap(),
@@ -131,10 +137,17 @@ impl Pair {
 
 #[test]
 fn the_true_motion_of_a_figure_is_found_at_any_speed() {
-    for (speed, mean, p95) in [(0.5, 0.05, 0.2), (1.0, 0.08, 0.3), (2.0, 0.1, 0.4), (3.0, 0.15, 0.6)] {
+    for (speed, mean, p95) in [
+        (0.5, 0.05, 0.2),
+        (1.0, 0.08, 0.3),
+        (2.0, 0.1, 0.4),
+        (3.0, 0.15, 0.6),
+    ] {
         let pair = Pair::of_rig(speed, 7);
         let found = pair.registered();
-        let error = pair.errors(&found, |_| true).show(&format!("speed {speed}"));
+        let error = pair
+            .errors(&found, |_| true)
+            .show(&format!("speed {speed}"));
         assert!(error.mean < mean && error.p95 < p95, "speed {speed}");
     }
 }
@@ -170,7 +183,10 @@ fn holes_drag_nothing_to_their_rims_and_leave_the_rest_as_it_is() {
         let rest = [&whole, &holed].map(|f| pair.errors(f, |v| !over(v)).show("rest"));
         assert!(rest[1].mean < 1.25 * rest[0].mean, "speed {speed}");
         let over_holes = [&whole, &holed].map(|f| pair.errors(f, over).show("over"));
-        assert!(over_holes[1].mean < 0.15 && over_holes[1].p95 < 0.5, "speed {speed}");
+        assert!(
+            over_holes[1].mean < 0.15 && over_holes[1].p95 < 0.5,
+            "speed {speed}"
+        );
     }
 }
 
@@ -179,9 +195,17 @@ fn parts_that_touch_and_part_do_not_pull_on_each_other() {
     for (from, to) in [(-0.01, 0.04), (0.04, -0.01)] {
         let (pair, parts) = Pair::of_solids(&hands(from), &hands(to));
         let found = pair.registered();
-        for (part, name) in ["body", "left", "right"].into_iter().enumerate() {
+        let named = [
+            "body",
+            "left palm",
+            "left thumb",
+            "right palm",
+            "right thumb",
+        ];
+        for (part, name) in named.into_iter().enumerate() {
             let error = pair.errors(&found, |v| parts[v] == part).show(name);
-            assert!(error.mean < 0.3, "{name} from {from} to {to}");
+            let bound = if part == 0 { 0.1 } else { 0.5 };
+            assert!(error.mean < bound, "{name} from {from} to {to}");
         }
     }
 }
@@ -194,16 +218,24 @@ const BODY: Capsule = Capsule {
 /// A body before which two upright hands are `gap` apart.
 fn hands(gap: f64) -> Solid {
     let hand = |side: f64| {
-        let at = |y: f64| Point::new(0.0, y, 0.4);
-        let capsule = Capsule {
-            ends: [at(-0.05), at(0.25)],
+        let palm = Capsule {
+            ends: [Point::new(0.0, -0.05, 0.4), Point::new(0.0, 0.25, 0.4)],
             radius: 0.09,
         };
+        // Without it nothing would say how the palm has turned.
+        let thumb = Capsule {
+            ends: [
+                Point::new(0.0, 0.1, 0.4),
+                Point::new(side * 0.2, 0.15, 0.45),
+            ],
+            radius: 0.05,
+        };
         let away = Isometry3::translation(side * (0.09 + gap / 2.0), 0.0, 0.0);
-        (capsule, away)
+        [(palm, away), (thumb, away)]
     };
+    let body = [(BODY, Isometry3::identity())];
     Solid {
-        parts: vec![(BODY, Isometry3::identity()), hand(1.0), hand(-1.0)],
+        parts: [&body[..], &hand(1.0), &hand(-1.0)].concat(),
     }
 }
 

@@ -99,7 +99,14 @@ fn each_cell(count: i32, mut visit: impl FnMut([i32; 3])) {
 
 /// The six tetrahedra around a cell's diagonal (Kuhn), the same on both sides of every face.
 fn tetrahedra([i, j, k]: [i32; 3]) -> impl Iterator<Item = [[i32; 3]; 4]> {
-    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let orders = [
+        [0, 1, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [0, 2, 1],
+        [2, 1, 0],
+        [1, 0, 2],
+    ];
     orders.into_iter().map(move |order| {
         let mut corners = [[i, j, k]; 4];
         for (step, axis) in order.into_iter().enumerate() {
