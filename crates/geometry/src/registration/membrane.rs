@@ -147,3 +147,45 @@ fn displacements(neighbors: &Rows, pulls: &[Pull], options: &Options) -> Vec<Vec
     }
     displacements
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of unit cells at height `height`, without the cells that `is_hole` names.
+    fn sheet(height: f64, is_hole: impl Fn(u32, u32) -> bool) -> TriangleMesh {
+        const SIDE: u32 = 20;
+        let at = |x: u32, y: u32| y * (SIDE + 1) + x;
+        let corners = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| (x, y)));
+        let positions = corners.map(|(x, y)| Point::new(f64::from(x), f64::from(y), height));
+        let cells = (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y)));
+        let faces = cells.filter(|&(x, y)| !is_hole(x, y)).flat_map(|(x, y)| {
+            let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        TriangleMesh::new(positions.collect(), faces.collect()).unwrap()
+    }
+
+    #[test]
+    fn over_a_hole_a_sheet_follows_its_surroundings_and_not_the_rim() {
+        let mut source = sheet(0.0, |_, _| false);
+        let is_hole = |x, y| (8..11).contains(&x) && (8..11).contains(&y);
+        let target = Target::new(&sheet(0.3, is_hole)).unwrap();
+        let before = source.clone();
+        let closest_to = |p: &Point| target.surface().closest(p);
+        let mut closest: Vec<SurfacePoint> = source.positions().iter().map(closest_to).collect();
+        let options = Options {
+            rounds: 3,
+            ..Options::default()
+        };
+        settle(&mut source, &mut closest, &target, &options);
+        for (from, to) in before.positions().iter().zip(source.positions()) {
+            let displacement = to - from;
+            assert!(
+                (displacement.z - 0.3).abs() < 0.06,
+                "{from}: {displacement}"
+            );
+            assert!(displacement.xy().norm() < 0.02, "{from}: {displacement}");
+        }
+    }
+}

@@ -77,7 +77,7 @@ impl Pair {
 
     /// And the part that each vertex of the source is on.
     fn of_solids(before: &Solid, after: &Solid) -> (Self, Vec<usize>) {
-        let (source, target) = (before.mesh(0.95, 0.03, 0.1), after.mesh(0.95, 0.03, 0.37));
+        let (source, target) = (before.mesh(0.95, 0.025, 0.1), after.mesh(0.95, 0.025, 0.37));
         let vertices = source.positions.iter().zip(&source.parts);
         let truth = vertices.map(|(p, &part)| before.carry(after, p, part));
         let mesh = |m: &Meshed| TriangleMesh::new(m.positions.clone(), m.faces.clone()).unwrap();
@@ -184,7 +184,7 @@ fn holes_drag_nothing_to_their_rims_and_leave_the_rest_as_it_is() {
         assert!(rest[1].mean < 1.25 * rest[0].mean, "speed {speed}");
         let over_holes = [&whole, &holed].map(|f| pair.errors(f, over).show("over"));
         assert!(
-            over_holes[1].mean < 0.15 && over_holes[1].p95 < 0.5,
+            over_holes[1].mean < 1.25 * over_holes[0].mean && over_holes[1].p95 < 0.4,
             "speed {speed}"
         );
     }
@@ -203,8 +203,12 @@ fn parts_that_touch_and_part_do_not_pull_on_each_other() {
             "right thumb",
         ];
         for (part, name) in named.into_iter().enumerate() {
-            let error = pair.errors(&found, |v| parts[v] == part).show(name);
-            let bound = if part == 0 { 0.1 } else { 0.5 };
+            // Where the hands are one surface nothing says which of them a vertex is on.
+            let apart = |v: usize| 0.05 < pair.source.positions()[v].x.abs() || part == 0;
+            let error = pair
+                .errors(&found, |v| parts[v] == part && apart(v))
+                .show(name);
+            let bound = if part == 0 { 0.1 } else { 0.35 };
             assert!(error.mean < bound, "{name} from {from} to {to}");
         }
     }
