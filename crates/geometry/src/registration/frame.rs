@@ -1,4 +1,4 @@
-//! Registers a whole frame: rigid, then non-rigid (Eq. 9 of the Tracked QEM paper).
+//! Registers a whole frame: rigid, then non-rigid (Eq. 9 of the Tracked QEM paper), then fine.
 
 use nalgebra::Isometry3;
 
