@@ -1,6 +1,6 @@
 //! The two distances of section 4.1 of the Tracked QEM paper.
 
-use crate::spatial::{TriangleTree, VertexTree};
+use crate::spatial::{SurfacePoint, TriangleTree, VertexTree};
 use crate::{Face, Point};
 
 /// Mesh-surface distance: from each of `points` to the closest point of a surface, exactly.
@@ -27,6 +27,21 @@ pub fn vertex_to_surface_distances(
     faces: &[Face],
     surface: &TriangleTree,
 ) -> Vec<f64> {
+    let found = vertex_closest_points(points, faces, surface);
+    found.iter().map(|nearest| nearest.distance).collect()
+}
+
+/// The closest points themselves, found in the same way.
+///
+/// # Panics
+///
+/// If a face refers to a point that does not exist.
+#[must_use]
+pub fn vertex_closest_points(
+    points: &[Point],
+    faces: &[Face],
+    surface: &TriangleTree,
+) -> Vec<SurfacePoint> {
     let mut lowest_neighbors: Vec<u32> = (0..points.len() as u32).collect();
     for face in faces {
         let lowest = face[0].min(face[1]).min(face[2]);
@@ -35,19 +50,15 @@ pub fn vertex_to_surface_distances(
             *neighbor = lowest.min(*neighbor);
         }
     }
-    let mut found_on: Vec<u32> = Vec::with_capacity(points.len());
-    let vertices = points.iter().zip(lowest_neighbors);
-    vertices
-        .map(|(point, neighbor)| {
-            // A vertex that is its own lowest neighbor has not been looked for yet.
-            let nearest = match found_on.get(neighbor as usize) {
-                Some(&guess) => surface.closest_from(point, guess),
-                None => surface.closest(point),
-            };
-            found_on.push(nearest.face);
-            nearest.distance
-        })
-        .collect()
+    let mut found: Vec<SurfacePoint> = Vec::with_capacity(points.len());
+    for (point, neighbor) in points.iter().zip(lowest_neighbors) {
+        // A vertex that is its own lowest neighbor has not been looked for yet.
+        found.push(match found.get(neighbor as usize) {
+            Some(near) => surface.closest_from(point, near.face),
+            None => surface.closest(point),
+        });
+    }
+    found
 }
 
 /// Nearest-vertex distance: from each of `points` to the closest vertex of a mesh.

@@ -8,7 +8,9 @@ mod statistics;
 mod surface_samples;
 
 pub use consistency::{Consistency, Persistence, consistency, persistence};
-pub use distances::{surface_distances, vertex_distances, vertex_to_surface_distances};
+pub use distances::{
+    surface_distances, vertex_closest_points, vertex_distances, vertex_to_surface_distances,
+};
 pub use point_errors::{OrientedPoints, PointErrors, point_errors, psnr};
 pub use statistics::DistanceStatistics;
 pub use surface_samples::{SurfaceSample, surface_samples};

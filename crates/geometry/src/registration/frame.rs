@@ -1,12 +1,12 @@
-//! Registers a whole frame: rigid, then non-rigid (Eq. 9 of the Tracked QEM paper).
+//! Registers a whole frame: rigid, then non-rigid (Eq. 9 of the Tracked QEM paper), then fine.
 
 use nalgebra::Isometry3;
 
-use crate::metrics::vertex_to_surface_distances;
+use crate::metrics::vertex_closest_points;
 use crate::{Point, TriangleMesh};
 
 use super::error::MAX_SIZE_FACTOR;
-use super::{RegistrationError, Target, nonrigid, rigid};
+use super::{RegistrationError, Target, membrane, nonrigid, rigid};
 
 /// How a frame is registered.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -15,6 +15,8 @@ pub struct Options {
     pub rigid: rigid::icp::Options,
     /// The non-rigid step.
     pub nonrigid: nonrigid::Options,
+    /// The fine step.
+    pub membrane: membrane::Options,
 }
 
 /// The previous frame, carried onto the current one: mesh^γ(k-1).
@@ -64,24 +66,27 @@ pub fn register(
         .with_positions(moved)
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
     let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
-    let mut positions = deformed.positions;
-    let residuals_of = |positions: &[Point]| {
-        vertex_to_surface_distances(positions, source.faces(), target.surface())
+    let mut mesh = moved
+        .with_positions(deformed.positions)
+        .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
+    let closest_of = |mesh: &TriangleMesh| {
+        vertex_closest_points(mesh.positions(), mesh.faces(), target.surface())
     };
-    let mut residuals = residuals_of(&positions);
+    let mut closest = closest_of(&mesh);
     let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
     let deformed_sum: f64 = deformed
         .samples
         .iter()
-        .map(|sample| residuals[sample.vertex as usize])
+        .map(|sample| closest[sample.vertex as usize].distance)
         .sum();
     let rigid_only = rigid_sum < deformed_sum;
     if rigid_only {
-        positions = moved.positions().to_vec();
-        residuals = residuals_of(&positions);
+        mesh = moved;
+        closest = closest_of(&mesh);
     }
+    membrane::settle(&mut mesh, &mut closest, target, &options.membrane);
     Ok(Registration {
-        positions,
+        positions: mesh.positions().to_vec(),
         rigid_motion: rigid.target_from_source,
         rigid_rmse: rigid.rmse,
         rigid_iterations: rigid.iterations,
@@ -89,7 +94,7 @@ pub fn register(
         rounds: deformed.rounds,
         matched_share: deformed.matched_share,
         rigid_only,
-        residuals,
+        residuals: closest.iter().map(|found| found.distance).collect(),
     })
 }
 

@@ -16,6 +16,9 @@ pub(super) struct Acceptance {
     pub scale: f64,
     /// The cosine of the largest angle between the normals.
     pub min_normal_cosine: f64,
+    /// The cosine of the largest angle between the sample's normal and the way to its
+    /// counterpart, either way along it.
+    pub min_offset_cosine: f64,
     /// Whether a sample that is still above the face where it was found last stays with it,
     /// without looking for a closer one.
     pub trust_last_faces: bool,
@@ -62,12 +65,15 @@ impl Search<'_> {
         let surface = self.closest(sample, deformed, acceptance.trust_last_faces);
         self.last_faces[sample] = surface.face;
         let face_normal = self.target.normal(surface.face);
+        let normal = normal_at(&surface, deformed, face_normal, self.target.mean_edge());
         let turned = self.turned_normal(sample, transforms);
         let agree = acceptance.min_normal_cosine <= turned.dot(&face_normal);
+        // Beside the sample and not above or below it: over a hole that is the hole's rim.
+        let beside = turned.dot(&normal).abs() < acceptance.min_offset_cosine;
         let in_reach = surface.distance < REACH_IN_SCALES * acceptance.scale;
-        (agree && in_reach).then(|| Correspondence {
+        (agree && !beside && in_reach).then_some(Correspondence {
             position: surface.position,
-            normal: normal_at(&surface, deformed, face_normal, self.target.mean_edge()),
+            normal,
         })
     }
 

@@ -20,7 +20,7 @@ pub struct GraphOptions {
 impl Default for GraphOptions {
     fn default() -> Self {
         Self {
-            node_spacing: 5.0,
+            node_spacing: 7.0,
             influence: 1.25,
             max_nodes: 1500,
         }

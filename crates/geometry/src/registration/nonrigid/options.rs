@@ -39,6 +39,8 @@ pub struct Options {
     pub smoothness_scale_ratio: f64,
     /// The largest angle between the normals of a correspondence, in degrees.
     pub max_normal_angle_degrees: f64,
+    /// The largest angle between a sample's normal and the way to its counterpart, in degrees.
+    pub max_offset_angle_degrees: f64,
     /// Rounds of correspondences at each scale but the last, at the most.
     pub rounds_per_scale: usize,
     /// Rounds of correspondences at the last scale, at the most.
@@ -56,16 +58,17 @@ impl Default for Options {
         Self {
             graph: GraphOptions::default(),
             solver: Solver::Direct,
-            samples: 7000,
-            coarse_samples: 2000,
-            smoothness_weight: 0.03,
-            rotation_weight: 0.003,
+            samples: 4000,
+            coarse_samples: 1500,
+            smoothness_weight: 0.1,
+            rotation_weight: 0.1,
             alignment_scale: 0.5,
             initial_scale_quantile: 0.999,
-            smoothness_scale_ratio: 2.0,
+            smoothness_scale_ratio: 1.0,
             max_normal_angle_degrees: 80.0,
-            rounds_per_scale: 1,
-            final_rounds: 4,
+            max_offset_angle_degrees: 70.0,
+            rounds_per_scale: 2,
+            final_rounds: 2,
             max_inner_iterations: 1,
             inner_tolerance: 1e-4,
             motion_tolerance: 0.02,

@@ -81,6 +81,7 @@ impl<'a> Rounds<'a> {
         let mut acceptance = Acceptance {
             scale: alignment,
             min_normal_cosine: self.options.max_normal_angle_degrees.to_radians().cos(),
+            min_offset_cosine: self.options.max_offset_angle_degrees.to_radians().cos(),
             trust_last_faces: false,
         };
         let tolerance = self.options.motion_tolerance * self.search.target.mean_edge();
