@@ -8,18 +8,15 @@ use steadymesh_geometry::{Face, Point, TriangleMesh, Vector};
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "scene cut: {:.0} % of the previous frame, registered, and {:.0} % of this one have no \
-     counterpart in the other, and {:.0} % of its edges had to be stretched or shrunk",
+     counterpart in the other",
     100.0 * of_previous,
-    100.0 * of_current,
-    100.0 * of_edges
+    100.0 * of_current
 )]
 pub struct SceneCut {
     /// The share of the registered previous frame's faces without a counterpart, 0 to 1.
     pub of_previous: f64,
     /// The share of the current frame's.
     pub of_current: f64,
-    /// The share of the previous frame's edges whose length is another one now.
-    pub of_edges: f64,
 }
 
 /// A frame whose faces may have counterparts in another one.
@@ -32,21 +29,11 @@ pub(super) struct Surface<'a> {
     pub tree: &'a TriangleTree,
 }
 
-/// A share from which on it is a cut. On four captures and a synthetic figure three times as fast
-/// as natural it is at most 0.13 from frame to frame, and 0.20 over five frames of fast play; on
-/// another capture as it comes it is 0.46, on a figure that becomes a sphere at least 0.25, on a
-/// distorted mirror image 0.78.
-/// See `docs/tracking.md`.
-const MAX_SHARE: f64 = 0.23;
-
-/// The same for edges. It is at most 0.15 over up to five frames of captures and on the fast
-/// figure, and 0.26 where noise is twice as large as an edge; a sphere that became a figure and
-/// left nothing over has 0.57.
-const MAX_EDGES: f64 = 0.35;
-
-/// An edge that has become so many times longer or shorter has another length: e to the power of
-/// 0.4.
-const STRETCH: f64 = 1.49;
+/// A share from which on it is a cut. From frame to frame it is at most 0.03 on four captures and on
+/// a synthetic figure three times as fast as natural, 0.05 over two frames, and 0.09 where noise is
+/// as large as an edge; on another capture as it comes it is 0.71, on a figure that becomes a
+/// sphere at least 0.47, on a part of the figure 0.19. See `docs/tracking.md`.
+const MAX_SHARE: f64 = 0.12;
 
 /// A counterpart is no further away than this share of the current frame's diagonal. Consecutive
 /// frames of captures are that far apart where they move fastest.
@@ -65,7 +52,7 @@ const MAX_SAMPLES: usize = 1000;
 /// Compares both ways: a frame may be found in the other one and yet be a small part of it.
 ///
 /// A registration bends whatever it is given onto whatever is there, so distances alone do not
-/// tell: what was crumpled onto another figure faces all ways, or had to be stretched.
+/// tell: what was crumpled onto another figure faces all ways.
 pub(super) fn scene_cut(
     previous: &Surface<'_>,
     current: &Surface<'_>,
@@ -76,10 +63,8 @@ pub(super) fn scene_cut(
     let cut = SceneCut {
         of_previous: share_without((previous, &sides[0]), (current, &sides[1]), reach),
         of_current: share_without((current, &sides[1]), (previous, &sides[0]), reach),
-        of_edges: share_stretched(previous),
     };
-    let is_cut = MAX_SHARE < cut.of_previous.max(cut.of_current) || MAX_EDGES < cut.of_edges;
-    is_cut.then_some(cut)
+    (MAX_SHARE < cut.of_previous.max(cut.of_current)).then_some(cut)
 }
 
 /// The vertex normals of a surface.
@@ -117,19 +102,6 @@ fn share_without(
         reach < found.distance || (is_smooth && turned)
     };
     share(samples(from.mesh).map(has_none))
-}
-
-/// The share of the edges that have another length than they were captured with.
-fn share_stretched(surface: &Surface<'_>) -> f64 {
-    let corners = samples(surface.mesh).flat_map(|index| [0, 1, 2].map(|corner| (index, corner)));
-    share(corners.map(|(index, corner)| {
-        let length = |mesh: &TriangleMesh| {
-            let triangle = mesh.triangle(index);
-            (triangle[corner] - triangle[(corner + 1) % 3]).norm()
-        };
-        let (now, captured) = (length(surface.mesh), length(surface.captured));
-        STRETCH * captured < now || STRETCH * now < captured
-    }))
 }
 
 /// The faces that are looked at.
