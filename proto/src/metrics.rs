@@ -60,7 +60,8 @@ pub struct FrameMetrics {
     pub seq: u64,
     /// When it was captured, in microseconds since 1970, if the rig said so.
     pub capture_time_us: Option<u64>,
-    /// How it was simplified: `off` for a first frame, and after a reset.
+    /// How it was simplified: `off` where nothing of the frame before took part, as for a first
+    /// frame, after a reset, and if the frame before was lost.
     pub tracking: Tracking,
     /// What was left out because frames came too fast.
     #[serde(default)]

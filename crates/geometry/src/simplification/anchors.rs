@@ -41,7 +41,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// The usual options, holding on more or less: 0 is hardly at all, 0.5 the default, 1 as
+    /// The usual options, holding on more or less: 0 is not at all, 0.5 the default, 1 as
     /// strongly as is of use. What holds the new result grows with the square.
     #[must_use]
     pub fn with_strength(strength: f64) -> Self {
@@ -106,10 +106,6 @@ struct Anchor {
 /// Anchors that fit less are left out.
 const MIN_FIT: f64 = 0.01;
 
-/// A pull is never weaker than this share of what it may be: it then decides nothing but where
-/// on a plane a vertex goes.
-const MIN_PULL: f64 = 1e-6;
-
 impl Anchors {
     /// Anchors `mesh` to what was carried onto it: the vertices of the previous result, between
     /// which `previous_faces` are.
@@ -158,7 +154,6 @@ fn attach(
         * welsch_weight(angle, options.angle_scale_degrees.to_radians());
     let near = welsch_weight(closest.distance, options.pull_scale * mean_edge);
     let pull = fit * (options.far_pull + (1.0 - options.far_pull) * near);
-    let pull = pull.max(MIN_PULL);
     let square = |corner: usize| (corners[corner] - closest.position).norm_squared();
     let nearest = (0..3).min_by(|&i, &j| square(i).total_cmp(&square(j)))?;
     // Not so for a fit that is not a number, as where the mesh has no size.
@@ -192,14 +187,17 @@ struct Pull {
 const MIN_RELATIVE_DETERMINANT: f64 = 1e-9;
 
 impl Pulls {
-    /// `None` if there are no anchors. `reduction` is how many faces become one: as many planes
-    /// as it merges, so much more a pull weighs.
+    /// `None` if nothing is held. `reduction` is how many faces become one: as many planes as it
+    /// merges, so much more a pull weighs. `hold` is how much of everything applies, 0 to 1.
     pub fn new(
         anchors: &Anchors,
         normalization: &Normalization,
-        (vertex_count, reduction): (usize, f64),
+        vertex_count: usize,
+        [reduction, hold]: [f64; 2],
     ) -> Option<Self> {
-        if anchors.anchors.is_empty() {
+        let weight = reduction * hold;
+        let is_held = anchors.anchors.iter().any(|anchor| 0.0 < anchor.weight);
+        if weight == 0.0 || !is_held {
             return None;
         }
         let positions: Vec<Point> = anchors.anchors.iter().map(|a| a.position).collect();
@@ -210,13 +208,13 @@ impl Pulls {
                 previous_vertex: anchor.previous_vertex,
                 position,
                 fit: anchor.fit,
-                quadric: Quadric::of_point(&position, reduction * anchor.weight)
+                quadric: Quadric::of_point(&position, weight * anchor.weight)
                     + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight),
             });
         }
         Some(Self {
             of_vertices,
-            merge_penalty: anchors.merge_penalty,
+            merge_penalty: hold * anchors.merge_penalty,
         })
     }
 

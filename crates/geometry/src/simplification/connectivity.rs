@@ -13,6 +13,8 @@ pub(super) struct Connectivity {
     around: FacesAround,
     /// By vertex, whether it is on a boundary: whether its fan of faces is not closed.
     is_open: Vec<bool>,
+    /// By vertex, whether it is on a boundary or on an edge whose faces turn against each other.
+    is_irregular: Vec<bool>,
     marks: Marks,
 }
 
@@ -34,12 +36,14 @@ impl Connectivity {
             alive: vec![true; face_count],
             face_count,
             around: FacesAround::new(mesh.vertex_count(), &vertex_faces(mesh)),
-            is_open: may_be_open(mesh),
+            is_open: irregular_vertices(mesh),
+            is_irregular: Vec::new(),
             marks: Marks {
                 of_vertex: vec![0; mesh.vertex_count()],
                 last: 0,
             },
         };
+        connectivity.is_irregular = connectivity.is_open.clone();
         let mut neighbors = Vec::new();
         for vertex in 0..mesh.vertex_count() as u32 {
             if connectivity.is_open[vertex as usize] {
@@ -119,12 +123,12 @@ impl Connectivity {
 
     /// Whether the edge from `a` to `b`, which a face has, runs the other way in another one.
     fn has_opposite(&self, a: u32, b: u32) -> bool {
-        let is_open = self.is_open[a as usize] && self.is_open[b as usize];
+        let is_regular = !self.is_irregular[a as usize] || !self.is_irregular[b as usize];
         let runs_back = |&face: &u32| {
             let [x, y, z] = self.faces[face as usize];
             [[x, y], [y, z], [z, x]].contains(&[b, a])
         };
-        !is_open || self.around.row(b).iter().any(runs_back)
+        is_regular || self.around.row(b).iter().any(runs_back)
     }
 
     /// How many faces collapsing the edge between `a` and `b` takes away; `None` if it does not
@@ -146,6 +150,10 @@ impl Connectivity {
         // An apex that only this face holds would be lost, and with it the surface's outline.
         let is_held = |apex: u32| self.around.valence(apex) != 1;
         if !is_held(first) || !second.is_none_or(is_held) {
+            return None;
+        }
+        // Nor may a face go that hangs on its apex alone.
+        if second.is_none() && self.around.valence(a) == 1 && self.around.valence(b) == 1 {
             return None;
         }
         // Apexes are neighbors of both: equal numbers are equal sets.
@@ -211,6 +219,7 @@ impl Connectivity {
     /// Merges `b` into `a`. The faces on their edge vanish.
     pub fn collapse(&mut self, a: u32, b: u32) {
         self.is_open[a as usize] |= self.is_open[b as usize];
+        self.is_irregular[a as usize] |= self.is_irregular[b as usize];
         let start = self.around.start_row();
         for index in self.around.range(a) {
             let face = self.around.at(index);
@@ -253,11 +262,11 @@ impl Marks {
     }
 }
 
-/// The vertices whose fan of faces may be open: around the others, what follows a vertex in its
-/// faces and what precedes it are the same vertices.
+/// The vertices whose fan of faces is open or not turned one way: around the others, what follows a
+/// vertex in its faces and what precedes it are the same vertices.
 ///
 /// A sum of hashes: what is missed, one in 2⁶⁴, is a boundary that is taken for none.
-fn may_be_open(mesh: &TriangleMesh) -> Vec<bool> {
+fn irregular_vertices(mesh: &TriangleMesh) -> Vec<bool> {
     let hash = |vertex: u32| {
         // 2⁶⁴ divided by the golden ratio spreads neighbors far apart (Knuth's multiplicative
         // hashing); once more, so that sums of hashes are not hashes of sums.
@@ -302,11 +311,18 @@ fn apex([x, y, z]: Face, a: u32, b: u32) -> Option<u32> {
     }
 }
 
+/// What is no height, relative to the longest edge.
+const NO_HEIGHT: f64 = 1e-12;
+
+/// What is too low to be made by a collapse.
+const MIN_HEIGHT: f64 = 1e-6;
+
 /// Whether a triangle over `base` keeps its direction, within the largest angle, when its third
 /// corner goes from `before` to `after` (all from the base's first end).
 ///
 /// A triangle that has no area before may go anywhere; none may lose it. What counts as no area
-/// is that of [`face_normal`](crate::mesh::face_normal): a height of 1e-12 of the longest edge.
+/// is that of [`face_normal`](crate::mesh::face_normal); a triangle that is higher than
+/// [`MIN_HEIGHT`] must stay so, since vertices are rounded afterwards.
 #[inline]
 fn keeps_side(base: &Vector, before: &Vector, after: &Vector) -> bool {
     let (old, new) = (base.cross(before), base.cross(after));
@@ -315,14 +331,73 @@ fn keeps_side(base: &Vector, before: &Vector, after: &Vector) -> bool {
         let longest = base.norm_squared().max(corner.norm_squared());
         longest.max((corner - base).norm_squared())
     };
-    let has_area = |square: f64, corner: &Vector| {
+    // Heights are compared by their squares.
+    let is_higher = |square: f64, corner: &Vector, height: f64| {
         let longest = longest_square(corner);
-        1e-24 * longest * longest < square
+        height * height * longest * longest < square
     };
-    if !has_area(new_square, after) {
+    let has_area = |square: f64, corner: &Vector| is_higher(square, corner, NO_HEIGHT);
+    if !is_higher(new_square, after, MIN_HEIGHT)
+        && (!has_area(new_square, after) || is_higher(old_square, before, MIN_HEIGHT))
+    {
         return false;
     }
     let cosine = old.dot(&new);
     let keeps = 0.0 < cosine && MIN_SQUARE_COSINE * old_square * new_square < cosine * cosine;
     keeps || !has_area(old_square, before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::EdgeTable;
+
+    /// A torus of quads, cut in two, with some faces turned and some left out.
+    fn torus(keeps: impl Fn(u32) -> bool, turns: impl Fn(u32) -> bool) -> TriangleMesh {
+        let side = 12u32;
+        let at = |i: u32, j: u32| i % side * side + j % side;
+        let faces = (0..side * side).flat_map(|k| {
+            let (i, j) = (k / side, k % side);
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let faces = faces.zip(0..).filter(|(_, index)| keeps(*index));
+        let faces =
+            faces.map(|([a, b, c], index)| if turns(index) { [a, c, b] } else { [a, b, c] });
+        let positions = vec![Point::origin(); (side * side) as usize];
+        TriangleMesh::new(positions, faces.collect()).unwrap()
+    }
+
+    #[test]
+    fn every_edge_is_found_with_holes_and_faces_turned_either_way() {
+        let holes = torus(|index| index % 17 != 3, |_| false);
+        let turned = torus(|_| true, |index| index % 5 == 0);
+        let both = torus(|index| index % 17 != 3, |index| index * 7 % 3 == 0);
+        for mesh in [holes, turned, both] {
+            let mut found = Vec::new();
+            Connectivity::new(&mesh).for_each_edge(|edge| found.push(edge));
+            found.sort_unstable();
+            found.dedup();
+            let table = EdgeTable::of(mesh.faces());
+            assert_eq!(
+                found,
+                table.iter().map(|(edge, _)| edge).collect::<Vec<_>>()
+            );
+        }
+    }
+
+    #[test]
+    fn boundaries_are_where_one_face_is() {
+        let mesh = torus(|index| index % 17 != 3, |index| index % 5 == 0);
+        let connectivity = Connectivity::new(&mesh);
+        for (edge, faces) in EdgeTable::of(mesh.faces()).iter() {
+            let face = mesh.faces()[faces[0].1 as usize];
+            let runs = (0..3).map(|corner| (face[corner], face[(corner + 1) % 3]));
+            let (a, b) = runs
+                .into_iter()
+                .find(|&(a, b)| Edge::new(a, b) == edge)
+                .unwrap();
+            assert_eq!(connectivity.is_boundary(a, b), faces.len() == 1, "{edge:?}");
+        }
+    }
 }

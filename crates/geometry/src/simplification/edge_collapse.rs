@@ -80,15 +80,36 @@ pub fn simplify_anchored(
     if simplified.collapses == 0 {
         return simplified;
     }
+    let hold = hold(mesh, options);
+    if hold == 0.0 {
+        return simplified;
+    }
     Simplified {
         mesh: refine(
             simplified.mesh,
             (mesh, surface),
             (&kept, &anchors.previous_faces),
-            &anchors.refinement,
+            &anchors.refinement.scaled(hold),
         ),
         ..simplified
     }
+}
+
+/// How many faces become one.
+fn reduction(mesh: &TriangleMesh, options: &Options) -> f64 {
+    mesh.face_count() as f64 / options.target_faces.max(1) as f64
+}
+
+/// The reductions between which a result comes to be held and fitted.
+///
+/// Where few faces become one, vertices stand where the original has them: holding them elsewhere
+/// costs more than the original QEM's whole error, and between vertices the original is not known.
+const HELD_REDUCTIONS: std::ops::Range<f64> = 1.5..5.0;
+
+/// How much of what holds and fits a result applies, 0 to 1.
+fn hold(mesh: &TriangleMesh, options: &Options) -> f64 {
+    let std::ops::Range { start, end } = HELD_REDUCTIONS;
+    ((reduction(mesh, options) - start) / (end - start)).clamp(0.0, 1.0)
 }
 
 fn simplify_guided(
@@ -111,7 +132,6 @@ fn simplify_guided(
         let positions = normalization.apply(r.positions());
         Reference::new(r, &positions, mesh.vertex_count())
     });
-    let reduction = mesh.face_count() as f64 / options.target_faces.max(1) as f64;
     let connectivity = Connectivity::new(mesh);
     let mut collapses = Collapses {
         quadrics: initial_quadrics(mesh, &positions, &connectivity, options),
@@ -119,7 +139,12 @@ fn simplify_guided(
         versions: vec![0; mesh.vertex_count()],
         positions,
         reference,
-        pulls: Pulls::new(anchors, &normalization, (mesh.vertex_count(), reduction)),
+        pulls: Pulls::new(
+            anchors,
+            &normalization,
+            mesh.vertex_count(),
+            [reduction(mesh, options), hold(mesh, options)],
+        ),
         count: 0,
     };
     if collapses.reference.is_some() {

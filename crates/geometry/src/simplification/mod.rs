@@ -8,9 +8,10 @@
 //! - `greedy`, `queue`: the cheapest edge first, for the paper's mode.
 //! - `passes`, `ranking`: nearly that order at half the time, for all others.
 //! - [`anchors`]: what the previous result holds the new one by.
-//! - [`simplify`], [`simplify_anchored`]: collapses the cheapest edge until the target is reached.
+//! - [`refinement`]: flips and fits what collapsing edges has left.
+//! - [`simplify`], [`simplify_anchored`]: collapses edges until the target is reached.
 //!
-//! All modes run in one engine: without reference and anchors it is the original QEM.
+//! All modes share all but the order: without reference and anchors it is the original QEM.
 
 pub mod anchors;
 mod connectivity;

@@ -18,6 +18,8 @@ pub(super) struct Passes {
     touched: Vec<bool>,
     /// Those that are left of the touched ones.
     merged: Vec<u32>,
+    /// Edges that this pass was refused: they are forgotten until one of their vertices changes.
+    refused: usize,
     neighbors: Vec<u32>,
 }
 
@@ -29,6 +31,9 @@ const PASS_SHARE: f64 = 0.2;
 /// the last ones are cheap too.
 const EDGES_PER_COLLAPSE: usize = 3;
 
+/// The cost of an edge that was refused.
+const REFUSED: f32 = f32::INFINITY;
+
 impl Passes {
     pub fn new(vertex_count: usize) -> Self {
         Self {
@@ -36,33 +41,46 @@ impl Passes {
             ranking: Ranking::default(),
             touched: vec![false; vertex_count],
             merged: Vec::new(),
+            refused: 0,
             neighbors: Vec::new(),
         }
     }
 
     /// Collapses what it can of the `wanted` cheapest edges.
-    fn pass(&mut self, mesh: &mut Collapses, (target, rules): (usize, Rules), wanted: usize) {
-        for index in self.ranking.cheapest(&self.edges, wanted) {
-            let edge = self.edges[index].edge;
+    fn pass(&mut self, mesh: &mut Collapses, target: usize, rules: Rules, wanted: usize) {
+        let Self {
+            edges,
+            ranking,
+            touched,
+            ..
+        } = self;
+        for &(_, index) in ranking.cheapest(edges, wanted) {
+            let Rated { edge, cost } = &mut edges[index as usize];
             let ends = [edge.0 as usize, edge.1 as usize];
-            if ends.iter().any(|&end| self.touched[end]) {
+            if ends.iter().any(|&end| touched[end]) {
                 continue;
             }
-            if mesh.try_collapse(edge, target, rules) {
-                ends.iter().for_each(|&end| self.touched[end] = true);
-                self.merged.push(edge.0);
-                if mesh.connectivity.face_count() <= target {
-                    return;
-                }
+            if !mesh.try_collapse(*edge, target, rules) {
+                *cost = REFUSED;
+                self.refused += 1;
+                continue;
+            }
+            ends.iter().for_each(|&end| touched[end] = true);
+            self.merged.push(edge.0);
+            if mesh.connectivity.face_count() <= target {
+                return;
             }
         }
     }
 
-    /// Replaces the edges at touched vertices by those that are there now.
+    /// Replaces the edges at touched vertices by those that are there now, and forgets those that
+    /// were refused: cheap ones that are refused for good would leave room for no others.
     fn rate_again(&mut self, mesh: &mut Collapses) {
         let touched = &mut self.touched;
-        self.edges
-            .retain(|Rated { edge, .. }| !touched[edge.0 as usize] && !touched[edge.1 as usize]);
+        self.edges.retain(|Rated { edge, cost }| {
+            *cost != REFUSED && !touched[edge.0 as usize] && !touched[edge.1 as usize]
+        });
+        self.refused = 0;
         for &vertex in &self.merged {
             mesh.connectivity.neighbors(vertex, &mut self.neighbors);
             for &neighbor in &self.neighbors {
@@ -92,24 +110,14 @@ impl Order for Passes {
     }
 
     fn drain(&mut self, mesh: &mut Collapses, target: usize, rules: Rules) {
-        let mut looks_at_all = false;
         while target < mesh.connectivity.face_count() {
             let missing = (mesh.connectivity.face_count() - target).div_ceil(2);
             let share = (PASS_SHARE * self.edges.len() as f64) as usize;
-            let wanted = if looks_at_all {
-                self.edges.len()
-            } else {
-                share.min(EDGES_PER_COLLAPSE * missing)
-            };
-            self.pass(mesh, (target, rules), wanted);
-            if self.merged.is_empty() {
-                if looks_at_all {
-                    return;
-                }
-                looks_at_all = true;
-                continue;
+            let wanted = share.min(EDGES_PER_COLLAPSE * missing).max(1);
+            self.pass(mesh, target, rules, wanted);
+            if self.merged.is_empty() && self.refused == 0 {
+                return;
             }
-            looks_at_all = false;
             self.rate_again(mesh);
         }
     }

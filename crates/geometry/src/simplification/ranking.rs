@@ -26,9 +26,9 @@ const DIGITS: usize = 1 << DIGIT_BITS;
 const DROPPED_BITS: u32 = 31 - 2 * DIGIT_BITS;
 
 impl Ranking {
-    /// The indices of the cheapest edges, cheapest first: as many as wanted, and those that are
-    /// about as cheap as the last of them.
-    pub fn cheapest(&mut self, edges: &[Rated], wanted: usize) -> impl Iterator<Item = usize> {
+    /// The keys and indices of the cheapest edges, cheapest first: as many as wanted, and those
+    /// that are about as cheap as the last of them.
+    pub fn cheapest(&mut self, edges: &[Rated], wanted: usize) -> &[(u32, u32)] {
         let limit = limit(edges, wanted);
         let keyed = edges
             .iter()
@@ -41,7 +41,7 @@ impl Ranking {
         self.scratch.resize(self.keyed.len(), (0, 0));
         sort_by_digit(&self.keyed, &mut self.scratch, 0);
         sort_by_digit(&self.scratch, &mut self.keyed, DIGIT_BITS);
-        self.keyed.iter().map(|&(_, index)| index as usize)
+        &self.keyed
     }
 }
 
@@ -95,19 +95,22 @@ mod tests {
         costs.iter().map(rated).collect()
     }
 
+    fn cheapest(edges: &[Rated], wanted: usize) -> Vec<u32> {
+        let mut ranking = Ranking::default();
+        let found = ranking.cheapest(edges, wanted).iter();
+        found.map(|&(_, index)| index).collect()
+    }
+
     #[test]
     fn the_cheapest_come_in_order_and_equals_as_they_were() {
         let edges = rated(&[3.0, 0.0, 1e-12, 2.0, 1e-12, 1e9]);
-        let all: Vec<usize> = Ranking::default().cheapest(&edges, 6).collect();
-        assert_eq!(all, [1, 2, 4, 3, 0, 5]);
-        let some: Vec<usize> = Ranking::default().cheapest(&edges, 3).collect();
-        assert_eq!(some, [1, 2, 4]);
+        assert_eq!(cheapest(&edges, 6), [1, 2, 4, 3, 0, 5]);
+        assert_eq!(cheapest(&edges, 3), [1, 2, 4]);
     }
 
     #[test]
     fn asking_for_more_than_there_are_gives_all() {
         let edges = rated(&[2.0, 1.0, f32::MAX]);
-        let all: Vec<usize> = Ranking::default().cheapest(&edges, 100).collect();
-        assert_eq!(all, [1, 0, 2]);
+        assert_eq!(cheapest(&edges, 100), [1, 0, 2]);
     }
 }

@@ -1,5 +1,7 @@
 use super::*;
-use crate::mesh::EdgeTable;
+use crate::mesh::{EdgeTable, mean_edge};
+use crate::registration::carry;
+use crate::spatial::TriangleTree;
 use crate::{Face, Point, TriangleMesh};
 
 /// A closed surface of `2 * rings * segments - 2 * segments` faces: a bumpy ball.
@@ -159,4 +161,76 @@ fn a_vertex_with_100_000_faces_is_simplified_to_the_target() {
             .fold(0.0, f64::max);
         assert!(0.15 < highest, "the hub is at {highest}");
     }
+}
+
+/// The mesh with `count` tetrahedra of the given size beside it, none of which can go.
+fn with_debris(mesh: &TriangleMesh, count: u32, size: f64) -> TriangleMesh {
+    let mut positions = mesh.positions().to_vec();
+    let mut faces = mesh.faces().to_vec();
+    for k in 0..count {
+        let first = positions.len() as u32;
+        let at = |x: f64, y: f64, z: f64| {
+            Point::new(
+                3.0 + f64::from(k % 30) * 0.1 + x * size,
+                f64::from(k / 30) * 0.1 + y * size,
+                z * size,
+            )
+        };
+        positions.extend([
+            at(0., 0., 0.),
+            at(1., 0., 0.),
+            at(0., 1., 0.),
+            at(0., 0., 1.),
+        ]);
+        let tetrahedron = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        faces.extend(tetrahedron.map(|face: Face| face.map(|corner| first + corner)));
+    }
+    TriangleMesh::new(positions, faces).unwrap()
+}
+
+#[test]
+fn edges_that_are_refused_for_good_do_not_change_the_order_of_the_others() {
+    let ball = ball(40, 60, 1.0);
+    let error = |debris: u32| {
+        let mesh = with_debris(&ball, debris, 1e-4);
+        let target = Options::to_faces(600 + 4 * debris as usize);
+        let simplified = simplify(&mesh, None, &target);
+        assert!(simplified.target_reached);
+        let surface = TriangleTree::new(&simplified.mesh).unwrap();
+        let distances = ball.positions().iter().map(|p| surface.closest(p).distance);
+        distances.sum::<f64>()
+    };
+    let (alone, beside_debris) = (error(0), error(900));
+    assert!(beside_debris < 1.03 * alone, "{alone} {beside_debris}");
+}
+
+#[test]
+fn a_face_that_hangs_on_one_vertex_stays() {
+    let ball = ball(40, 60, 1.0);
+    let mut positions = ball.positions().to_vec();
+    let first = positions.len() as u32;
+    positions.extend([Point::new(0.0, 1.5, 0.1), Point::new(0.1, 1.5, 0.0)]);
+    let mut faces = ball.faces().to_vec();
+    faces.push([0, first, first + 1]);
+    let mesh = TriangleMesh::new(positions, faces).unwrap();
+    let simplified = simplify(&mesh, None, &Options::to_faces(200)).mesh;
+    let is_outside = |p: &&Point| 1.3 < p.y;
+    assert_eq!(simplified.positions().iter().filter(is_outside).count(), 2);
+}
+
+#[test]
+fn where_few_faces_go_the_result_is_as_close_as_the_original_qem() {
+    let ball = ball(40, 60, 1.0);
+    let surface = TriangleTree::new(&ball).unwrap();
+    let target = Options::to_faces(ball.face_count() * 9 / 10);
+    let before = simplify(&ball, None, &target).mesh;
+    let carried = carry(before.positions(), (&ball, &surface), &ball);
+    let anchors = Anchors::new(
+        (&carried, before.faces()),
+        &ball,
+        (&surface, mean_edge(&ball)),
+        &anchors::Options::default(),
+    );
+    let held = simplify_anchored(&ball, &surface, &anchors, &target).mesh;
+    assert_eq!(held, before);
 }

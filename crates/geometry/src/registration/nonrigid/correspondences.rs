@@ -69,7 +69,8 @@ impl Search<'_> {
         let turned = self.turned_normal(sample, transforms);
         let agree = acceptance.min_normal_cosine <= turned.dot(&face_normal);
         // Beside the sample and not above or below it: over a hole that is the hole's rim.
-        let beside = turned.dot(&normal).abs() < acceptance.min_offset_cosine;
+        let beside = next_to(self.target.mean_edge()) < surface.distance
+            && turned.dot(&normal).abs() < acceptance.min_offset_cosine;
         let in_reach = surface.distance < REACH_IN_SCALES * acceptance.scale;
         (agree && !beside && in_reach).then_some(Correspondence {
             position: surface.position,
@@ -100,10 +101,15 @@ impl Search<'_> {
     }
 }
 
+/// Below this distance rounding decides where a closest point is.
+fn next_to(mean_edge: f64) -> f64 {
+    1e-6 * mean_edge
+}
+
 /// The direction to the closest point: the face's normal but where that point is on an edge or a
 /// corner. Next to the surface rounding would decide it, and the face does.
 fn normal_at(surface: &SurfacePoint, query: &Point, face_normal: Vector, mean_edge: f64) -> Vector {
-    if surface.distance <= 1e-6 * mean_edge {
+    if surface.distance <= next_to(mean_edge) {
         return face_normal;
     }
     (query - surface.position) / surface.distance

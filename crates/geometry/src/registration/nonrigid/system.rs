@@ -162,12 +162,16 @@ impl Assembly<'_> {
         let diagonal = |(node, c): (usize, usize)| self.diagonal(node, c);
         let entries = || (0..node_count).flat_map(|node| (0..4).map(move |c| (node, c)));
         let slots: Vec<usize> = entries().map(diagonal).collect();
-        let largest = slots
-            .iter()
-            .map(|&slot| self.values[slot])
-            .fold(rotation_weight, f64::max);
+        // The rows of the matrices and those of the translations differ by a squared length.
+        let largest = |is_affine: bool, least: f64| {
+            let of_kind = slots.iter().zip(entries());
+            let of_kind = of_kind.filter(|(_, (_, c))| (*c < 3) == is_affine);
+            of_kind.fold(least, |largest, (&slot, _)| largest.max(self.values[slot]))
+        };
+        let affine = DAMPING * largest(true, rotation_weight) + rotation_weight;
+        let translation = DAMPING * largest(false, 0.0);
         for (&slot, (_, c)) in slots.iter().zip(entries()) {
-            self.values[slot] += DAMPING * largest + if c < 3 { rotation_weight } else { 0.0 };
+            self.values[slot] += if c < 3 { affine } else { translation };
         }
     }
 

@@ -174,3 +174,42 @@ fn a_target_out_of_sight_is_an_error_and_not_a_frozen_copy() {
         crate::registration::RegistrationError::TooFewCorrespondences { .. }
     ));
 }
+
+#[test]
+fn a_body_of_creases_is_registered_onto_itself() {
+    // A double cone: the normals of all its vertices are far off those of their faces.
+    let sides = 20u32;
+    let at = |s: u32| std::f64::consts::TAU * f64::from(s) / f64::from(sides);
+    let rim = (0..sides).map(|s| Point::new(at(s).cos(), at(s).sin(), 0.0));
+    let mut positions = vec![Point::new(0.0, 0.0, 0.3), Point::new(0.0, 0.0, -0.3)];
+    positions.extend(rim);
+    let faces = (0..sides).flat_map(|s| {
+        let (a, b) = (2 + s, 2 + (s + 1) % sides);
+        [[0, a, b], [1, b, a]]
+    });
+    let cone = TriangleMesh::new(positions, faces.collect()).unwrap();
+    let target = Target::new(&cone).unwrap();
+    let found = register(&cone, &target, &Options::default()).unwrap();
+    assert_eq!(found.matched_share, 1.0);
+    let moved = found.positions.iter().zip(cone.positions());
+    let largest = moved.map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
+    assert!(largest < 1e-9, "{largest}");
+}
+
+#[test]
+fn the_unit_of_length_does_not_change_a_bit() {
+    let (source, bent) = (tube(60, 30, 0.0), tube(53, 31, 0.15));
+    let registered = |unit: f64| {
+        let scaled = |mesh: &TriangleMesh| {
+            let positions = mesh.positions().iter().map(|p| p * unit).collect();
+            mesh.with_positions(positions).unwrap()
+        };
+        let target = Target::new(&scaled(&bent)).unwrap();
+        let found = register(&scaled(&source), &target, &Options::default()).unwrap();
+        found.positions.iter().map(|p| p / unit).collect::<Vec<_>>()
+    };
+    let reference = registered(1.0);
+    for unit in [1.0 / 1024.0, 1024.0] {
+        assert_eq!(registered(unit), reference, "unit {unit}");
+    }
+}

@@ -38,7 +38,11 @@ pub(super) fn fit(
     for _ in 0..options.sweeps {
         system.sweep(options.smoothing * share);
     }
-    let positions = unfolded(simplified, system.positions);
+    let mut positions = system.positions;
+    for (position, start) in positions.iter_mut().zip(simplified.positions()) {
+        *position = start + (*position - start) * options.step;
+    }
+    let positions = unfolded(simplified, positions);
     TriangleMesh::from_valid(positions, simplified.faces().to_vec())
 }
 

@@ -39,6 +39,8 @@ pub struct Options {
     pub smoothing: f64,
     /// Weight along the surface towards the nearest vertex of the mesh that was simplified.
     pub vertex_pull: f64,
+    /// How far vertices go towards where they fit best, 0 to 1.
+    pub step: f64,
     /// Times that every vertex is moved to its optimum with the others at rest.
     pub sweeps: usize,
 }
@@ -53,7 +55,20 @@ impl Default for Options {
             anchor_hold: 0.05,
             smoothing: 0.025,
             vertex_pull: 0.03,
+            step: 1.0,
             sweeps: 4,
+        }
+    }
+}
+
+impl Options {
+    /// These options with only a share of what is done, 0 to 1.
+    pub(super) fn scaled(&self, share: f64) -> Self {
+        Self {
+            flip_tolerance: share * self.flip_tolerance,
+            anchor_hold: share * self.anchor_hold,
+            step: share * self.step,
+            ..self.clone()
         }
     }
 }

@@ -84,18 +84,22 @@ fn is_worth_it(
     tolerance: f64,
 ) -> bool {
     let (before, after) = (before(quad, positions), after(quad, positions));
-    if !faces_alike(&before, &after) {
+    let (old, count) = samples.square_distances([quad.first, quad.second], &before);
+    if !faces_alike(&before, &after, FEW_SAMPLES < count) {
         return false;
     }
-    let (old, count) = samples.square_distances([quad.first, quad.second], &before);
     let (new, _) = samples.square_distances([quad.first, quad.second], &after);
     let edge = after[0][0] - after[0][2];
     let allowed = tolerance * samples.mean_square + ROUNDING * edge.norm_squared();
     new - old <= allowed * count.max(1) as f64
 }
 
-/// Whether the new faces look where the old ones did, and make no sharper an edge.
-fn faces_alike(before: &[[Point; 3]; 2], after: &[[Point; 3]; 2]) -> bool {
+/// So many samples may all be at the four corners: they do not know which diagonal is better.
+const FEW_SAMPLES: usize = 5;
+
+/// Whether the new faces look where the old ones did, and make no sharper an edge; or, if there
+/// are samples between them to tell, none that is sharp.
+fn faces_alike(before: &[[Point; 3]; 2], after: &[[Point; 3]; 2], has_samples: bool) -> bool {
     let [[a, b], [c, d]] = [before, after].map(|pair| pair.map(face_normal));
     let (Some(c), Some(d)) = (c, d) else {
         return false;
@@ -105,7 +109,13 @@ fn faces_alike(before: &[[Point; 3]; 2], after: &[[Point; 3]; 2]) -> bool {
         return false;
     };
     let looks_there = |normal: &Vector| MIN_COSINE <= normal.dot(&middle);
-    looks_there(&c) && looks_there(&d) && a.dot(&b).min(MIN_COSINE) <= c.dot(&d)
+    let least = if has_samples {
+        a.dot(&b).min(MIN_COSINE)
+    } else {
+        // Rounding makes a flat quad's edge no sharper.
+        a.dot(&b) - 1e-9
+    };
+    looks_there(&c) && looks_there(&d) && least <= c.dot(&d)
 }
 
 #[cfg(test)]
