@@ -93,6 +93,8 @@ struct Anchor {
     /// The one of the previous result that was carried here.
     previous_vertex: u32,
     position: Point,
+    /// The face of the mesh on which that is.
+    face: u32,
     /// How well it fits, above 0 and at most 1.
     fit: f64,
     /// The weight of its pull in all directions.
@@ -161,6 +163,7 @@ fn attach(
         previous_vertex,
         vertex: mesh.faces()[closest.face as usize][nearest],
         position: closest.position,
+        face: closest.face,
         fit,
         weight: pull * options.weight,
         plane_weight: pull * (options.normal_weight - options.weight),
@@ -178,6 +181,7 @@ pub(super) struct Pulls {
 struct Pull {
     previous_vertex: u32,
     position: Point,
+    face: u32,
     fit: f64,
     quadric: Quadric,
 }
@@ -207,6 +211,7 @@ impl Pulls {
             of_vertices[anchor.vertex as usize] = Some(Pull {
                 previous_vertex: anchor.previous_vertex,
                 position,
+                face: anchor.face,
                 fit: anchor.fit,
                 quadric: Quadric::of_point(&position, weight * anchor.weight)
                     + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight),
@@ -223,6 +228,7 @@ impl Pulls {
         let pull = self.of_vertices[vertex as usize]?;
         Some(Kept {
             position: pull.position,
+            face: pull.face,
             fit: pull.fit,
             vertex: pull.previous_vertex,
         })

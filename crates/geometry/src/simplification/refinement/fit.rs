@@ -102,7 +102,11 @@ impl<'a> System<'a> {
         let hold_of = |(vertex, start): (usize, &Point)| {
             let normal = self.normals[vertex];
             let along = Matrix3::identity() - normal * normal.transpose();
-            let foot = surface.closest(start);
+            let kept = kept.get(vertex).copied().flatten();
+            let foot = kept.map_or_else(
+                || surface.closest(start),
+                |kept| surface.closest_from(start, kept.face),
+            );
             let corners = original.triangle(foot.face as usize);
             let square = |corner: &Point| (corner - start).norm_squared();
             let nearest = corners
@@ -111,7 +115,7 @@ impl<'a> System<'a> {
                 .unwrap_or(*start);
             let mut weight = options.hold + options.vertex_pull;
             let mut pull = (nearest - start) * options.vertex_pull;
-            if let Some(kept) = kept.get(vertex).copied().flatten() {
+            if let Some(kept) = kept {
                 weight += options.anchor_hold * kept.fit;
                 pull += (kept.position - start) * (options.anchor_hold * kept.fit);
             }

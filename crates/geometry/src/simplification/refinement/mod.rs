@@ -78,6 +78,8 @@ impl Options {
 pub(super) struct Kept {
     /// Where the previous result had a vertex, carried along onto the surface.
     pub position: Point,
+    /// The face of the original mesh on which that is.
+    pub face: u32,
     /// How well it fits, above 0 and at most 1.
     pub fit: f64,
     /// Its vertex in the previous result.

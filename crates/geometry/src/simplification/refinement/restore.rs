@@ -151,6 +151,7 @@ mod tests {
         let kept = |(vertex, &position): (usize, &Point)| {
             Some(Kept {
                 position,
+                face: 0,
                 fit: 1.0,
                 vertex: vertex as u32,
             })
@@ -197,6 +198,7 @@ mod tests {
         let kept = |vertex| {
             Some(Kept {
                 position: Point::origin(),
+                face: 0,
                 fit: 1.0,
                 vertex,
             })
