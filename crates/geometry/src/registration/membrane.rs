@@ -17,7 +17,7 @@
 //! IEEE TPAMI 10(4), 1988, <https://doi.org/10.1109/34.3908>, on displacements; sweeps of
 //! Gauss-Seidel.
 
-use crate::mesh::{Rows, vertex_neighbors, vertex_normals};
+use crate::mesh::{Rows, vertex_normals};
 use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh, Vector};
 
@@ -67,30 +67,29 @@ struct Pull {
 }
 
 /// Moves the vertices of `mesh`, which found `closest` on the target, onto the target, as far as
-/// a smooth field of displacements can. `closest` follows.
+/// a smooth field of displacements can. `closest` follows: a vertex that is still straight above
+/// its face is not looked for again, since it only came closer to it.
 ///
-/// A vertex without a counterpart goes along with those around it that have one.
+/// A vertex without a counterpart goes along with those around it, its `neighbors`, that have one.
 pub(super) fn settle(
     mesh: &mut TriangleMesh,
     closest: &mut [SurfacePoint],
-    target: &Target,
+    (neighbors, target): (&Rows, &Target),
     options: &Options,
 ) {
-    if options.rounds == 0 {
-        return;
-    }
-    let neighbors = vertex_neighbors(mesh);
     for _ in 0..options.rounds {
         let pulls = pulls(mesh, closest, target, options);
-        let displacements = displacements(&neighbors, &pulls, options);
+        let displacements = displacements(neighbors, &pulls, options);
         let moved = mesh.positions().iter().zip(&displacements);
         let moved: Vec<Point> = moved.map(|(p, d)| p + d).collect();
         let Ok(settled) = mesh.with_positions(moved) else {
             return;
         };
         *mesh = settled;
+        let surface = target.surface();
         for (found, point) in closest.iter_mut().zip(mesh.positions()) {
-            *found = target.surface().closest_from(point, found.face);
+            let straight = surface.straight_below(point, found.face);
+            *found = straight.unwrap_or_else(|| surface.closest_from(point, found.face));
         }
     }
 }
@@ -151,6 +150,7 @@ fn displacements(neighbors: &Rows, pulls: &[Pull], options: &Options) -> Vec<Vec
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::vertex_neighbors;
 
     /// A sheet of unit cells at height `height`, without the cells that `is_hole` names.
     fn sheet(height: f64, is_hole: impl Fn(u32, u32) -> bool) -> TriangleMesh {
@@ -178,7 +178,8 @@ mod tests {
             rounds: 3,
             ..Options::default()
         };
-        settle(&mut source, &mut closest, &target, &options);
+        let neighbors = vertex_neighbors(&source);
+        settle(&mut source, &mut closest, (&neighbors, &target), &options);
         for (from, to) in before.positions().iter().zip(source.positions()) {
             let displacement = to - from;
             assert!(

@@ -84,7 +84,7 @@ impl Search<'_> {
         let straight = trust
             .then(|| surface.straight_below(deformed, last))
             .flatten();
-        straight.unwrap_or_else(|| surface.closest_from(deformed, last))
+        straight.unwrap_or_else(|| self.target.closest_near(deformed, last))
     }
 
     /// The normal of a deformed sample: its own, turned by the nodes' affine maps, which are

@@ -35,7 +35,7 @@ const RESIDUAL_SHARE: f64 = 1e-2;
 /// Lowers the surrogate from `start`.
 pub(super) fn minimize(
     equations: &NormalEquations<'_>,
-    factorised: &Factorised,
+    factorised: &Factorised<'_>,
     start: &Blocks,
     options: &Options,
 ) -> Result<Minimum, RegistrationError> {
@@ -67,7 +67,7 @@ struct Step {
 /// The step to the minimizer with the rotations fixed, approximately.
 fn conjugate_gradients(
     equations: &NormalEquations<'_>,
-    factorised: &Factorised,
+    factorised: &Factorised<'_>,
     transforms: &Blocks,
 ) -> Result<Step, RegistrationError> {
     let mut residual = equations.half_gradient(transforms)?;

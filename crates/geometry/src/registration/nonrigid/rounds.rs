@@ -106,7 +106,7 @@ impl<'a> Rounds<'a> {
         &mut self,
         targets: &[Option<Correspondence>],
         scales: Scales,
-        factorised: &mut Option<Factorised>,
+        factorised: &mut Option<Factorised<'a>>,
     ) -> Result<f64, RegistrationError> {
         let matched = targets.iter().flatten().count();
         if matched < MIN_CORRESPONDENCES {
