@@ -5,6 +5,7 @@
 //! - [`energy`]: the three terms of Eq. 3 and the quadratic surrogate that majorizes them.
 //! - [`system`]: the surrogate's normal matrix, its sparsity analysed once; [`block_cholesky`]
 //!   factorises it.
+//! - [`scaled_equations`]: that matrix itself, as it is applied to a step.
 //! - [`direct`] and [`lbfgs`]: two ways to minimize the surrogate.
 //! - [`register`]: correspondences, weights and minimization in turn, from a coarse scale of
 //!   the Welsch function to a fine one.
@@ -27,6 +28,7 @@ mod options;
 mod outer_loop;
 mod rounds;
 mod sampling;
+mod scaled_equations;
 mod system;
 
 pub use deformation_graph::{DeformationGraph, GraphOptions, Influence};

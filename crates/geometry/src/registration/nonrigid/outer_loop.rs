@@ -90,12 +90,12 @@ pub(in crate::registration) fn register_with_neighbors(
     let faces = coarse.guesses_for(&fine, &rounds.search.last_faces);
     let mut rounds = rounds_on(&fine, faces, rounds.state);
     rounds.run_scale(last_scale, options.final_rounds)?;
+    let energy = rounds.energy();
     let State {
         transforms,
         rounds,
         inner_iterations,
         matched,
-        energy,
     } = rounds.state;
     let positions = deformed_positions(source, &graph, &transforms);
     if !positions.iter().all(|p| p.iter().all(|c| c.is_finite())) {
@@ -155,7 +155,10 @@ fn node_motion((node, transform): (&Point, &Matrix4x3<f64>)) -> NodeMotion {
     (affine, node.coords + shift - affine * node.coords)
 }
 
-/// ν_a in the mesh's unit: from the initial distances down, halved each time; and the last.
+/// Below it the scales would be many, or without end.
+const MIN_SCALE_STEP: f64 = 1.1;
+
+/// ν_a in the mesh's unit: from the initial distances down, step by step; and the last.
 fn alignment_scales(
     initial: &[SurfacePoint],
     target: &Target,
@@ -167,7 +170,7 @@ fn alignment_scales(
     let mut scales = Vec::new();
     while last < scale {
         scales.push(scale);
-        scale /= 2.0;
+        scale /= options.scale_step.max(MIN_SCALE_STEP);
     }
     (scales, last)
 }

@@ -14,6 +14,7 @@ use crate::registration::RegistrationError;
 
 use super::block_cholesky::{Block, Factor, Pattern, Right};
 use super::energy::{MEAN_WEIGHT, Problem, Surrogate};
+use super::scaled_equations::Rows4;
 use super::{DeformationGraph, NodeTransforms};
 
 /// Share of every diagonal entry that is added to it: what determines nodes that no
@@ -103,35 +104,60 @@ fn rounded(block: &Matrix4<f64>) -> Block {
 }
 
 impl Factorised<'_> {
-    /// Solves for a right-hand side of a 4 x 3 block a node.
-    pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
-        let nodes = right.iter().zip(&self.scales);
-        // Within the range of `f32`, whatever the unit.
-        let size = nodes
+    /// For every row, what makes its diagonal entry 1 from both sides.
+    pub fn scales(&self) -> &[Vector4<f64>] {
+        &self.scales
+    }
+
+    /// Scales a right-hand side of a 4 x 3 block a node by its rows' scales, and into the range of
+    /// `f32`; returns also what it was divided by.
+    pub fn scaled(&self, right: &[Matrix4x3<f64>]) -> (Vec<Rows4>, f64) {
+        let nodes = || right.iter().zip(&self.scales);
+        let size = nodes()
             .flat_map(|(block, scales)| (0..12).map(move |i| (block[i] * scales[i % 4]).abs()))
             .fold(f64::MIN_POSITIVE, f64::max);
-        let solution = self.factor.solve(|node| -> Right {
-            let (block, scales) = (&right[node], self.scales[node] / size);
-            let entry = |r: usize, c: usize| (block[(r, c)] * scales[r]) as f32;
-            std::array::from_fn(|c| f32x4::from(std::array::from_fn(|r| entry(r, c))))
+        let scaled = nodes().map(|(block, scales)| -> Rows4 {
+            std::array::from_fn(|r| {
+                let entry = |c: usize| (block[(r, c)] * scales[r] / size) as f32;
+                f32x4::from([entry(0), entry(1), entry(2), 0.0])
+            })
         });
-        let transforms: NodeTransforms = solution
-            .iter()
-            .zip(&self.scales)
-            .map(|(part, scales)| {
-                let part = part.map(f32x4::to_array);
-                let entry = |r: usize, c: usize| f64::from(part[c][r]) * (size * scales[r]);
+        (scaled.collect(), size)
+    }
+
+    /// A step in scaled unknowns, times `size`, as it is.
+    pub fn unscaled(&self, step: &[Rows4], size: f64) -> Result<NodeTransforms, RegistrationError> {
+        let nodes = step.iter().zip(&self.scales);
+        let blocks: NodeTransforms = nodes
+            .map(|(rows, scales)| {
+                let rows = rows.map(f32x4::to_array);
+                let entry = |r: usize, c: usize| f64::from(rows[r][c]) * (size * scales[r]);
                 Matrix4x3::from_fn(entry)
             })
             .collect();
-        if transforms
-            .iter()
-            .all(|x| x.iter().all(|entry| entry.is_finite()))
-        {
-            Ok(transforms)
+        let is_finite = |block: &Matrix4x3<f64>| block.iter().all(|entry| entry.is_finite());
+        if blocks.iter().all(is_finite) {
+            Ok(blocks)
         } else {
             Err(RegistrationError::NotFinite { step: "non-rigid" })
         }
+    }
+
+    /// Solves for a scaled right-hand side, in scaled unknowns.
+    pub fn solve_scaled(&self, right: &[Rows4]) -> Vec<Rows4> {
+        let solution = self.factor.solve(|node| -> Right {
+            let [x, y, z, _] = f32x4::transpose(right[node]);
+            [x, y, z]
+        });
+        let rows = solution.iter();
+        rows.map(|&[x, y, z]| f32x4::transpose([x, y, z, f32x4::ZERO]))
+            .collect()
+    }
+
+    /// Solves for a right-hand side of a 4 x 3 block a node.
+    pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
+        let (right, size) = self.scaled(right);
+        self.unscaled(&self.solve_scaled(&right), size)
     }
 }
 
