@@ -2,7 +2,8 @@
 
 use nalgebra::Isometry3;
 
-use crate::metrics::vertex_closest_points;
+use crate::mesh::{Rows, vertex_neighbors};
+use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh};
 
 use super::error::MAX_SIZE_FACTOR;
@@ -65,13 +66,13 @@ pub fn register(
     let moved = source
         .with_positions(moved)
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
-    let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
+    let neighbors = vertex_neighbors(source);
+    let deformed =
+        nonrigid::register_with_neighbors(&moved, &neighbors, target, &options.nonrigid)?;
     let mut mesh = moved
         .with_positions(deformed.positions)
         .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
-    let closest_of = |mesh: &TriangleMesh| {
-        vertex_closest_points(mesh.positions(), mesh.faces(), target.surface())
-    };
+    let closest_of = |mesh: &TriangleMesh| closest_points(mesh, &neighbors, target);
     let mut closest = closest_of(&mesh);
     let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
     let deformed_sum: f64 = deformed
@@ -84,7 +85,12 @@ pub fn register(
         mesh = moved;
         closest = closest_of(&mesh);
     }
-    membrane::settle(&mut mesh, &mut closest, target, &options.membrane);
+    membrane::settle(
+        &mut mesh,
+        &mut closest,
+        (&neighbors, target),
+        &options.membrane,
+    );
     Ok(Registration {
         positions: mesh.positions().to_vec(),
         rigid_motion: rigid.target_from_source,
@@ -96,6 +102,20 @@ pub fn register(
         rigid_only,
         residuals: closest.iter().map(|found| found.distance).collect(),
     })
+}
+
+/// The closest point to every vertex, each looked for where a neighbor was found.
+fn closest_points(mesh: &TriangleMesh, neighbors: &Rows, target: &Target) -> Vec<SurfacePoint> {
+    let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
+    for (vertex, position) in mesh.positions().iter().enumerate() {
+        let lowest = neighbors.row(vertex).first();
+        let near = lowest.and_then(|&neighbor| found.get(neighbor as usize));
+        found.push(match near {
+            Some(near) => target.closest_near(position, near.face),
+            None => target.surface().closest(position),
+        });
+    }
+    found
 }
 
 fn check_size(source: &TriangleMesh, target: &Target) -> Result<(), RegistrationError> {

@@ -17,7 +17,9 @@
 //! IEEE TPAMI 10(4), 1988, <https://doi.org/10.1109/34.3908>, on displacements; sweeps of
 //! Gauss-Seidel.
 
-use crate::mesh::{Rows, vertex_neighbors, vertex_normals};
+use wide::f32x4;
+
+use crate::mesh::{Rows, vertex_normals};
 use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh, Vector};
 
@@ -61,36 +63,40 @@ impl Default for Options {
 struct Pull {
     /// Of unit length; whatever where the weight is 0.
     direction: Vector,
-    /// n·o
+    /// n·o, in mean edges of the target.
     height: f64,
     weight: f64,
 }
 
 /// Moves the vertices of `mesh`, which found `closest` on the target, onto the target, as far as
-/// a smooth field of displacements can. `closest` follows.
+/// a smooth field of displacements can. `closest` follows: a vertex that is still straight above
+/// its face is not looked for again, since it only came closer to it.
 ///
-/// A vertex without a counterpart goes along with those around it that have one.
+/// A vertex without a counterpart goes along with those around it, its `neighbors`, that have one.
 pub(super) fn settle(
     mesh: &mut TriangleMesh,
     closest: &mut [SurfacePoint],
-    target: &Target,
+    (neighbors, target): (&Rows, &Target),
     options: &Options,
 ) {
-    if options.rounds == 0 {
-        return;
-    }
-    let neighbors = vertex_neighbors(mesh);
     for _ in 0..options.rounds {
         let pulls = pulls(mesh, closest, target, options);
-        let displacements = displacements(&neighbors, &pulls, options);
+        let displacements = displacements(neighbors, &pulls, options);
         let moved = mesh.positions().iter().zip(&displacements);
-        let moved: Vec<Point> = moved.map(|(p, d)| p + d).collect();
+        let moved: Vec<Point> = moved
+            .map(|(p, d)| {
+                let [x, y, z, _] = d.to_array().map(f64::from);
+                p + Vector::new(x, y, z) * target.mean_edge()
+            })
+            .collect();
         let Ok(settled) = mesh.with_positions(moved) else {
             return;
         };
         *mesh = settled;
+        let surface = target.surface();
         for (found, point) in closest.iter_mut().zip(mesh.positions()) {
-            *found = target.surface().closest_from(point, found.face);
+            let straight = surface.straight_below(point, found.face);
+            *found = straight.unwrap_or_else(|| surface.closest_from(point, found.face));
         }
     }
 }
@@ -124,33 +130,65 @@ fn pulls(
             };
             Pull {
                 direction,
-                height: direction.dot(&offset),
+                height: direction.dot(&offset) / target.mean_edge(),
                 weight,
             }
         })
         .collect()
 }
 
-/// The minimizer, approximately, from 0.
-fn displacements(neighbors: &Rows, pulls: &[Pull], options: &Options) -> Vec<Vector> {
-    let mut displacements = vec![Vector::zeros(); pulls.len()];
+/// The minimizer, approximately, from 0: in mean edges of the target, so that `f32` will do.
+fn displacements(neighbors: &Rows, pulls: &[Pull], options: &Options) -> Vec<f32x4> {
+    let mut displacements = vec![f32x4::ZERO; pulls.len()];
+    let steps: Vec<Step> = pulls
+        .iter()
+        .enumerate()
+        .map(|(vertex, pull)| Step::new(pull, neighbors.row(vertex).len(), options))
+        .collect();
     for _ in 0..options.sweeps {
-        for (vertex, pull) in pulls.iter().enumerate() {
-            let row = neighbors.row(vertex);
-            let sum: Vector = row.iter().map(|&n| displacements[n as usize]).sum();
-            let stiffness = options.smoothness * row.len() as f64 + options.decay;
-            let filled = sum * (options.smoothness / stiffness);
-            let missing = pull.height - pull.direction.dot(&filled);
-            let share = pull.weight / (pull.weight + stiffness);
-            displacements[vertex] = filled + pull.direction * (share * missing);
+        for (vertex, step) in steps.iter().enumerate() {
+            let mut sum = f32x4::ZERO;
+            for &neighbor in neighbors.row(vertex) {
+                sum += displacements[neighbor as usize];
+            }
+            let [x, y, z, _] = (sum * step.direction).to_array();
+            let missing = step.pulled - step.drawn * ((x + y) + z);
+            displacements[vertex] = sum * step.filled + step.direction * missing;
         }
     }
     displacements
 }
 
+/// What makes a vertex's displacement of the sum of its neighbors'.
+struct Step {
+    direction: f32x4,
+    /// What the sum counts.
+    filled: f32,
+    /// How far along the direction the pull takes it, and what of the sum's part along it that
+    /// replaces.
+    pulled: f32,
+    drawn: f32,
+}
+
+impl Step {
+    fn new(pull: &Pull, neighbor_count: usize, options: &Options) -> Self {
+        let stiffness = options.smoothness * neighbor_count as f64 + options.decay;
+        let share = pull.weight / (pull.weight + stiffness);
+        let filled = options.smoothness / stiffness;
+        let [x, y, z] = pull.direction.map(|c| c as f32).into();
+        Self {
+            direction: f32x4::from([x, y, z, 0.0]),
+            filled: filled as f32,
+            pulled: (share * pull.height) as f32,
+            drawn: (share * filled) as f32,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::vertex_neighbors;
 
     /// A sheet of unit cells at height `height`, without the cells that `is_hole` names.
     fn sheet(height: f64, is_hole: impl Fn(u32, u32) -> bool) -> TriangleMesh {
@@ -178,7 +216,8 @@ mod tests {
             rounds: 3,
             ..Options::default()
         };
-        settle(&mut source, &mut closest, &target, &options);
+        let neighbors = vertex_neighbors(&source);
+        settle(&mut source, &mut closest, (&neighbors, &target), &options);
         for (from, to) in before.positions().iter().zip(source.positions()) {
             let displacement = to - from;
             assert!(

@@ -140,16 +140,23 @@ impl BoxTree {
         stack[0].0 = f32::NEG_INFINITY;
         while 0 < size {
             size -= 1;
-            let (square, number) = stack[size];
+            let (square, mut number) = stack[size];
             if bound <= square {
                 continue;
             }
-            if self.first_item <= number {
-                bound = visit(number - self.first_item);
-                continue;
-            }
-            let squares = self.nodes[number as usize].square_distances(&lanes);
-            let mut nearer = squares.simd_lt(f32x4::splat(bound)).to_bitmask();
+            let (squares, mut nearer) = loop {
+                if self.first_item <= number {
+                    bound = visit(number - self.first_item);
+                    break (f32x4::ZERO, 0);
+                }
+                let squares = self.nodes[number as usize].square_distances(&lanes);
+                let nearer = squares.simd_lt(f32x4::splat(bound)).to_bitmask();
+                // Most often there is one to go on with: no need to put it aside.
+                if nearer == 0 || nearer & (nearer - 1) != 0 {
+                    break (squares, nearer);
+                }
+                number = WIDTH as u32 * number + 1 + nearer.trailing_zeros();
+            };
             let (squares, first) = (squares.to_array(), size);
             while nearer != 0 {
                 let lane = nearer.trailing_zeros();

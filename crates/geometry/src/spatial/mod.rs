@@ -6,6 +6,7 @@ mod point_tree;
 mod triangle_tree;
 mod vertex_tree;
 
+pub(crate) use closest_point::Feature;
 pub use closest_point::{barycentric, closest_point_on_triangle};
 pub use point_tree::PointTree;
 pub use triangle_tree::{SurfacePoint, TriangleTree};

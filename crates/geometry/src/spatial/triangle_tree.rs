@@ -3,6 +3,7 @@
 use crate::{Point, TriangleMesh};
 
 use super::box_tree::BoxTree;
+use super::closest_point::{Feature, closest_feature};
 use super::closest_point_on_triangle;
 
 /// The point of a surface that is closest to a query.
@@ -115,6 +116,19 @@ impl TriangleTree {
             distance,
         };
         self.closest_below(query, distance).unwrap_or(guessed)
+    }
+
+    /// The point of a face closest to `query`, and where on the face that is.
+    pub(crate) fn on_face(&self, query: &Point, face: u32) -> (SurfacePoint, Feature) {
+        let triangle = &self.triangles[self.slots[face as usize] as usize];
+        let (position, feature) = closest_feature(query, triangle);
+        let distance = (query - position).norm();
+        let found = SurfacePoint {
+            position,
+            face,
+            distance,
+        };
+        (found, feature)
     }
 
     /// The foot of the perpendicular from `query` to the plane of a face, if it is on the face.

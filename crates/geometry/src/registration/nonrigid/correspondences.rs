@@ -78,14 +78,16 @@ impl Search<'_> {
         })
     }
 
-    /// The closest point of the surface; or, if the last face may be trusted and has a point
-    /// straight below the sample, that one.
+    /// The closest point of the surface; or, if the last face may be trusted, one near it that is
+    /// straight below the sample.
     fn closest(&self, sample: usize, deformed: &Point, trust: bool) -> SurfacePoint {
         let (surface, last) = (self.target.surface(), self.last_faces[sample]);
-        let straight = trust
-            .then(|| surface.straight_below(deformed, last))
-            .flatten();
-        straight.unwrap_or_else(|| surface.closest_from(deformed, last))
+        if !trust {
+            return surface.closest_from(deformed, last);
+        }
+        surface
+            .straight_below(deformed, last)
+            .unwrap_or_else(|| self.target.closest_near(deformed, last))
     }
 
     /// The normal of a deformed sample: its own, turned by the nodes' affine maps, which are

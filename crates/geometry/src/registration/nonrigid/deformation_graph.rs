@@ -1,7 +1,5 @@
 //! Nodes on the source, and how they move its vertices.
 
-use std::collections::VecDeque;
-
 use crate::mesh::{Rows, mean_edge, vertex_neighbors};
 use crate::{Point, TriangleMesh, Vector};
 
@@ -51,22 +49,32 @@ impl DeformationGraph {
     /// Places nodes on `mesh` so that every vertex is within the spacing of one.
     #[must_use]
     pub fn new(mesh: &TriangleMesh, options: &GraphOptions) -> Self {
+        Self::with_neighbors(mesh, &vertex_neighbors(mesh), options)
+    }
+
+    /// The same with the vertices' neighbors at hand.
+    pub(in crate::registration) fn with_neighbors(
+        mesh: &TriangleMesh,
+        neighbors: &Rows,
+        options: &GraphOptions,
+    ) -> Self {
         let spacing = spacing_for(mesh, mean_edge(mesh), options);
         let reach = spacing * options.influence;
-        let mut search = EdgeDistances::new(mesh);
+        let spacing_share = (1.0 / options.influence) as f32;
+        let mut search = EdgeDistances::new(mesh, neighbors, reach);
         let mut covered = vec![false; mesh.vertex_count()];
         let mut nodes = Vec::new();
-        let mut shares: Vec<(u32, Influence)> = Vec::new();
+        let mut shares = Vec::new();
         for vertex in 0..mesh.vertex_count() {
             if covered[vertex] || options.max_nodes <= nodes.len() {
                 continue;
             }
             let node = nodes.len() as u32;
             nodes.push(mesh.positions()[vertex]);
-            search.visit_within(vertex as u32, reach, |reached, distance| {
-                covered[reached as usize] |= distance <= spacing;
+            search.visit_within_reach(vertex as u32, |reached, distance| {
+                covered[reached as usize] |= distance <= spacing_share;
                 // (1 − d²/r²)³ of Fast-RNRR, section 3.1: smooth, and 0 at the reach.
-                let weight = (1.0 - (distance / reach).powi(2)).powi(3);
+                let weight = (1.0 - f64::from(distance).powi(2)).powi(3);
                 shares.push((reached, Influence { node, weight }));
             });
         }
@@ -118,97 +126,112 @@ fn normalized(vertex_count: usize, shares: &[(u32, Influence)]) -> Rows<Influenc
     for (vertex, share) in shares {
         sums[*vertex as usize] += share.weight;
     }
-    let scaled: Vec<(u32, Influence)> = shares
-        .iter()
-        .filter(|(_, share)| 0.0 < share.weight)
-        .map(|&(vertex, Influence { node, weight })| {
-            (
-                vertex,
-                Influence {
-                    node,
-                    weight: weight / sums[vertex as usize],
-                },
-            )
-        })
-        .collect();
-    Rows::from_pairs(vertex_count, &scaled)
+    Rows::from_pairs(vertex_count, shares).map(|vertex, share| Influence {
+        node: share.node,
+        weight: share.weight / sums[vertex],
+    })
 }
 
 fn edges_between(influences: &Rows<Influence>, node_count: usize) -> Vec<(u32, u32)> {
-    // A node has few neighbors: looking through them is cheaper than sorting all pairs.
-    let mut above = vec![Vec::new(); node_count];
+    // A bit for every pair of nodes, 64 to a word.
+    let words = node_count.div_ceil(64);
+    let mut coupled = vec![0u64; words * node_count];
     for vertex in 0..influences.row_count() {
         let row = influences.row(vertex);
         for (i, a) in row.iter().enumerate() {
-            let known: &mut Vec<u32> = &mut above[a.node as usize];
+            let others = &mut coupled[words * a.node as usize..][..words];
             for b in &row[i + 1..] {
-                if !known.contains(&b.node) {
-                    known.push(b.node);
-                }
+                others[b.node as usize / 64] |= 1 << (b.node % 64);
             }
         }
     }
     let mut edges = Vec::new();
-    for (a, others) in above.iter_mut().enumerate() {
-        others.sort_unstable();
-        edges.extend(others.iter().map(|&b| (a as u32, b)));
+    for (number, mut word) in coupled.into_iter().enumerate() {
+        while word != 0 {
+            let other = (number % words * 64) as u32 + word.trailing_zeros();
+            edges.push(((number / words) as u32, other));
+            word &= word - 1;
+        }
     }
     edges
 }
 
-/// Shortest paths along edges from one vertex, up to a limit.
+/// Shortest paths along edges from one vertex, up to a reach, in shares of it.
 ///
-/// Labels are corrected first in, first out (Bellman and Ford): within so few edges that is
-/// cheaper than keeping a heap.
+/// # Source
+///
+/// Meyer and Sanders, "Δ-stepping: a parallelizable shortest path algorithm", Journal of
+/// Algorithms 49(1), 2003, <https://doi.org/10.1016/S0196-6774(03)00076-2>, in sequence: almost
+/// every vertex is looked at once, and no heap is kept.
 struct EdgeDistances {
-    neighbors: Rows<(u32, f64)>,
-    distances: Vec<f64>,
-    waiting: Vec<bool>,
-    queue: VecDeque<u32>,
+    neighbors: Rows<(u32, f32)>,
+    labels: Vec<Label>,
+    /// Vertices that wait to be looked at, by their distance.
+    buckets: [Vec<u32>; BUCKETS],
     touched: Vec<u32>,
 }
 
+/// About two to a mean edge.
+const BUCKETS: usize = 16;
+
+#[derive(Clone, Copy)]
+struct Label {
+    distance: f32,
+    /// The distance that its neighbors know of.
+    passed_on: f32,
+}
+
+const UNREACHED: Label = Label {
+    distance: 1.0,
+    passed_on: f32::INFINITY,
+};
+
 impl EdgeDistances {
-    fn new(mesh: &TriangleMesh) -> Self {
+    fn new(mesh: &TriangleMesh, neighbors: &Rows, reach: f64) -> Self {
         let positions = mesh.positions();
+        let scale = if reach > 0.0 { 1.0 / reach } else { 0.0 };
         Self {
-            neighbors: vertex_neighbors(mesh).map(|from, to| {
+            neighbors: neighbors.map(|from, to| {
                 let step: Vector = positions[to as usize] - positions[from];
-                (to, step.norm())
+                (to, (step.norm() * scale) as f32)
             }),
-            distances: vec![f64::INFINITY; mesh.vertex_count()],
-            waiting: vec![false; mesh.vertex_count()],
-            queue: VecDeque::new(),
+            labels: vec![UNREACHED; mesh.vertex_count()],
+            buckets: std::array::from_fn(|_| Vec::new()),
             touched: Vec::new(),
         }
     }
 
-    /// Calls `visit` with every vertex closer than `limit` and its distance.
-    fn visit_within(&mut self, start: u32, limit: f64, mut visit: impl FnMut(u32, f64)) {
-        self.distances[start as usize] = 0.0;
+    /// Calls `visit` with every vertex closer than the reach and its distance, below 1.
+    fn visit_within_reach(&mut self, start: u32, mut visit: impl FnMut(u32, f32)) {
+        self.labels[start as usize].distance = 0.0;
         self.touched.push(start);
-        self.queue.push_back(start);
-        while let Some(vertex) = self.queue.pop_front() {
-            self.waiting[vertex as usize] = false;
-            let distance = self.distances[vertex as usize];
-            for &(next, length) in self.neighbors.row(vertex as usize) {
-                let through = distance + length;
-                let known = &mut self.distances[next as usize];
-                if through < limit && through < *known {
-                    if known.is_infinite() {
-                        self.touched.push(next);
-                    }
-                    *known = through;
-                    if !std::mem::replace(&mut self.waiting[next as usize], true) {
-                        self.queue.push_back(next);
+        self.buckets[0].push(start);
+        for bucket in 0..BUCKETS {
+            while let Some(vertex) = self.buckets[bucket].pop() {
+                let label = &mut self.labels[vertex as usize];
+                let distance = label.distance;
+                // It may have come closer, and been looked at, since it was put here.
+                if label.passed_on <= distance {
+                    continue;
+                }
+                label.passed_on = distance;
+                for &(next, length) in self.neighbors.row(vertex as usize) {
+                    let through = distance + length;
+                    let known = &mut self.labels[next as usize];
+                    if through < known.distance {
+                        if known.distance >= 1.0 {
+                            self.touched.push(next);
+                        }
+                        known.distance = through;
+                        self.buckets[(through * BUCKETS as f32) as usize].push(next);
                     }
                 }
             }
         }
         for vertex in self.touched.drain(..) {
-            let distance = &mut self.distances[vertex as usize];
-            visit(vertex, *distance);
-            *distance = f64::INFINITY;
+            let label = &mut self.labels[vertex as usize];
+            visit(vertex, label.distance);
+            *label = UNREACHED;
         }
     }
 }

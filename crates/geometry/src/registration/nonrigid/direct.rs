@@ -11,12 +11,13 @@
 //! Preconditioned conjugate gradients: Nocedal and Wright, "Numerical Optimization", 2nd edition
 //! 2006, algorithm 5.3.
 
-use nalgebra::Matrix4x3;
+use wide::f32x4;
 
 use crate::registration::RegistrationError;
 
 use super::Options;
 use super::normal_equations::{Blocks, NormalEquations};
+use super::scaled_equations::{self, ScaledEquations};
 use super::system::Factorised;
 
 /// The minimizer, and how many substitutions it took.
@@ -35,7 +36,7 @@ const RESIDUAL_SHARE: f64 = 1e-2;
 /// Lowers the surrogate from `start`.
 pub(super) fn minimize(
     equations: &NormalEquations<'_>,
-    factorised: &Factorised,
+    factorised: &Factorised<'_>,
     start: &Blocks,
     options: &Options,
 ) -> Result<Minimum, RegistrationError> {
@@ -67,39 +68,35 @@ struct Step {
 /// The step to the minimizer with the rotations fixed, approximately.
 fn conjugate_gradients(
     equations: &NormalEquations<'_>,
-    factorised: &Factorised,
+    factorised: &Factorised<'_>,
     transforms: &Blocks,
 ) -> Result<Step, RegistrationError> {
-    let mut residual = equations.half_gradient(transforms)?;
-    residual.iter_mut().for_each(|block| *block = -*block);
-    let mut step = Step {
-        blocks: vec![Matrix4x3::zeros(); transforms.len()],
-        gain: 0.0,
-        iterations: 0,
-    };
-    let mut product = step.blocks.clone();
-    let mut direction = Blocks::new();
+    let (mut residual, size) = factorised.scaled(&equations.half_gradient(transforms)?);
+    let matrix = ScaledEquations::new(equations, factorised.scales());
+    let nothing = vec![[f32x4::ZERO; 4]; transforms.len()];
+    let (mut step, mut product) = (nothing.clone(), nothing);
+    let mut direction = Vec::new();
+    let (mut gain, mut iterations) = (0.0, 0);
     let mut square = 0.0;
     let mut enough = 0.0;
-    while step.iterations < MAX_STEPS {
-        let preconditioned = factorised.solve(&residual)?;
-        let next_square = dot(&residual, &preconditioned);
-        step.iterations += 1;
-        if step.iterations == 1 {
+    while iterations < MAX_STEPS {
+        let preconditioned = factorised.solve_scaled(&residual);
+        let next_square = scaled_equations::dot(&residual, &preconditioned);
+        iterations += 1;
+        if iterations == 1 {
             direction = preconditioned;
             enough = RESIDUAL_SHARE * next_square;
         } else if next_square <= enough {
             break;
         } else {
-            let turn = next_square / square;
-            direction
-                .iter_mut()
-                .zip(&preconditioned)
-                .for_each(|(d, p)| *d = p + *d * turn);
+            let turn = (next_square / square) as f32;
+            for (direction, next) in direction.iter_mut().zip(&preconditioned) {
+                *direction = std::array::from_fn(|r| next[r] + direction[r] * turn);
+            }
         }
         square = next_square;
-        equations.apply(&direction, &mut product);
-        let curvature = dot(&direction, &product);
+        matrix.apply(&direction, &mut product);
+        let curvature = scaled_equations::dot(&direction, &product);
         if curvature.is_nan() {
             return Err(RegistrationError::NotFinite { step: "non-rigid" });
         }
@@ -108,11 +105,16 @@ fn conjugate_gradients(
             break;
         }
         let length = square / curvature;
-        add_scaled(&mut step.blocks, &direction, length);
-        add_scaled(&mut residual, &product, -length);
-        step.gain += length * square;
+        // The residual is that of the gradient, and so is the step: downhill is the other way.
+        scaled_equations::add_scaled(&mut step, &direction, -length);
+        scaled_equations::add_scaled(&mut residual, &product, -length);
+        gain += length * square;
     }
-    Ok(step)
+    Ok(Step {
+        blocks: factorised.unscaled(&step, size)?,
+        gain: gain * size * size,
+        iterations,
+    })
 }
 
 pub(super) fn dot(a: &Blocks, b: &Blocks) -> f64 {

@@ -148,7 +148,7 @@ pub(super) struct Correspondence {
 
 /// What a step along the surface counts relative to one away from it. Not 0, so that a flat
 /// sheet does not swim.
-const SLIDING_WEIGHT: f64 = 0.01;
+pub(super) const SLIDING_WEIGHT: f64 = 0.01;
 
 impl Correspondence {
     /// W·(v − u) with W = μ I + (1 − μ) n nᵀ.

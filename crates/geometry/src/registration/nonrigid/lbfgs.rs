@@ -25,7 +25,7 @@ const MAX_HALVINGS: usize = 20;
 /// Lowers the surrogate from `start`.
 pub(super) fn minimize(
     equations: &NormalEquations<'_>,
-    factorised: &Factorised,
+    factorised: &Factorised<'_>,
     start: &Blocks,
     options: &Options,
 ) -> Result<Minimum, RegistrationError> {
@@ -109,7 +109,7 @@ impl Memory {
     /// Minus the approximate inverse Hessian times the gradient.
     fn direction(
         &self,
-        factorised: &Factorised,
+        factorised: &Factorised<'_>,
         gradient: &Blocks,
     ) -> Result<Blocks, RegistrationError> {
         let mut q = gradient.clone();

@@ -3,7 +3,9 @@
 //!
 //! - [`DeformationGraph`]: nodes on the source and how they move its vertices (Eq. 2).
 //! - [`energy`]: the three terms of Eq. 3 and the quadratic surrogate that majorizes them.
-//! - [`system`]: the surrogate's normal matrix, its sparsity analysed once.
+//! - [`system`]: the surrogate's normal matrix, its sparsity analysed once; [`block_cholesky`]
+//!   factorises it.
+//! - [`scaled_equations`]: that matrix itself, as it is applied to a step.
 //! - [`direct`] and [`lbfgs`]: two ways to minimize the surrogate.
 //! - [`register`]: correspondences, weights and minimization in turn, from a coarse scale of
 //!   the Welsch function to a fine one.
@@ -15,6 +17,7 @@
 //! Schmid and Pauly, "Embedded Deformation for Shape Manipulation", ACM TOG 26(3), 2007,
 //! <https://doi.org/10.1145/1276377.1276478>.
 
+mod block_cholesky;
 mod correspondences;
 mod deformation_graph;
 mod direct;
@@ -25,11 +28,13 @@ mod options;
 mod outer_loop;
 mod rounds;
 mod sampling;
+mod scaled_equations;
 mod system;
 
 pub use deformation_graph::{DeformationGraph, GraphOptions, Influence};
 pub use energy::{NodeTransforms, Scales};
 pub use options::{Options, Solver};
+pub(super) use outer_loop::register_with_neighbors;
 pub use outer_loop::{NonRigidRegistration, Sampled, register};
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The surrogate's normal equations with the rotations fixed, applied without being assembled.
+//! The surrogate's normal equations with the rotations fixed, without being assembled.
 
 use nalgebra::{Matrix3, Matrix4x3};
 
@@ -43,25 +43,6 @@ impl NormalEquations<'_> {
             add_affine(gradient, &(affine - rotation), weight);
         }
         Ok(gradient)
-    }
-
-    /// H times `step`.
-    pub fn apply(&self, step: &Blocks, product: &mut Blocks) {
-        product.fill(Matrix4x3::zeros());
-        let samples = self.problem.samples;
-        for pull in &self.surrogate.alignment {
-            let sample = pull.sample as usize;
-            let moved = samples.linear(sample, step);
-            let force = pull.to.pull(&moved) * pull.weight;
-            for (node, basis) in samples.basis(sample) {
-                add_outer(&mut product[*node as usize], basis, &force);
-            }
-        }
-        self.add_smoothness(product, |edge| self.problem.edge_gap_change(edge, step));
-        let weight = self.problem.weights.rotation;
-        for (product, step) in product.iter_mut().zip(step) {
-            add_affine(product, &affine_part(step), weight);
-        }
     }
 
     fn add_smoothness(&self, sum: &mut Blocks, gap_of: impl Fn((u32, u32)) -> Vector) {

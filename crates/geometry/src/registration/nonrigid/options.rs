@@ -35,6 +35,8 @@ pub struct Options {
     /// The first ν_a is this quantile of the initial distances: high, so that a limb that
     /// moves on a still body is not taken for an outlier.
     pub initial_scale_quantile: f64,
+    /// ν_a is divided by this from one scale to the next.
+    pub scale_step: f64,
     /// ν_r over ν_a: the scale of the regularization's Welsch function.
     pub smoothness_scale_ratio: f64,
     /// The largest angle between the normals of a correspondence, in degrees.
@@ -64,6 +66,7 @@ impl Default for Options {
             rotation_weight: 0.1,
             alignment_scale: 0.5,
             initial_scale_quantile: 0.999,
+            scale_step: 2.5,
             smoothness_scale_ratio: 1.0,
             max_normal_angle_degrees: 80.0,
             max_offset_angle_degrees: 70.0,

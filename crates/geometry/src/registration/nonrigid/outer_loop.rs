@@ -1,12 +1,14 @@
 //! Non-rigid registration from end to end: graph, samples, and rounds from coarse to fine.
 
-use crate::mesh::vertex_normals;
+use nalgebra::{Matrix3, Matrix4x3};
+
+use crate::mesh::{Rows, vertex_neighbors, vertex_normals};
 use crate::metrics::DistanceStatistics;
 use crate::registration::{RegistrationError, Target};
 use crate::spatial::SurfacePoint;
-use crate::{Point, TriangleMesh};
+use crate::{Point, TriangleMesh, Vector};
 
-use super::energy::Samples;
+use super::energy::affine_part;
 use super::rounds::{Rounds, State};
 use super::sampling::Sampling;
 use super::system::System;
@@ -53,11 +55,21 @@ pub fn register(
     target: &Target,
     options: &Options,
 ) -> Result<NonRigidRegistration, RegistrationError> {
+    register_with_neighbors(source, &vertex_neighbors(source), target, options)
+}
+
+/// The same with the neighbors of the source's vertices at hand.
+pub(in crate::registration) fn register_with_neighbors(
+    source: &TriangleMesh,
+    neighbors: &Rows,
+    target: &Target,
+    options: &Options,
+) -> Result<NonRigidRegistration, RegistrationError> {
     if source.face_count() == 0 {
         return Err(RegistrationError::Empty { which: "source" });
     }
-    let graph = DeformationGraph::new(source, &options.graph);
-    let system = System::new(&graph)?;
+    let graph = DeformationGraph::with_neighbors(source, neighbors, &options.graph);
+    let system = System::new(&graph);
     let normals = vertex_normals(source);
     let coarse = Sampling::new(source, &normals, &graph, options.coarse_samples);
     let initial: Vec<SurfacePoint> = coarse
@@ -78,12 +90,12 @@ pub fn register(
     let faces = coarse.guesses_for(&fine, &rounds.search.last_faces);
     let mut rounds = rounds_on(&fine, faces, rounds.state);
     rounds.run_scale(last_scale, options.final_rounds)?;
+    let energy = rounds.energy();
     let State {
         transforms,
         rounds,
         inner_iterations,
         matched,
-        energy,
     } = rounds.state;
     let positions = deformed_positions(source, &graph, &transforms);
     if !positions.iter().all(|p| p.iter().all(|c| c.is_finite())) {
@@ -112,19 +124,41 @@ fn deformed_positions(
     graph: &DeformationGraph,
     transforms: &NodeTransforms,
 ) -> Vec<Point> {
-    let all = Samples::new(graph, source, 0..source.vertex_count());
+    let nodes: Vec<NodeMotion> = graph
+        .nodes()
+        .iter()
+        .zip(transforms)
+        .map(node_motion)
+        .collect();
     let positions = source.positions().iter().enumerate();
     positions
         .map(|(vertex, position)| {
-            if graph.influences(vertex).is_empty() {
+            let influences = graph.influences(vertex);
+            if influences.is_empty() {
                 return *position;
             }
-            all.deformed(vertex, transforms)
+            let moved = influences.iter().map(|share| {
+                let (affine, shift) = &nodes[share.node as usize];
+                (affine * position.coords + shift) * share.weight
+            });
+            Point::from(moved.sum::<Vector>())
         })
         .collect()
 }
 
-/// ν_a in the mesh's unit: from the initial distances down, halved each time; and the last.
+/// A_j, and p_j + t_j − A_j p_j: a node moves v to A_j v plus that.
+type NodeMotion = (Matrix3<f64>, Vector);
+
+fn node_motion((node, transform): (&Point, &Matrix4x3<f64>)) -> NodeMotion {
+    let affine = affine_part(transform);
+    let shift = transform.row(3).transpose();
+    (affine, node.coords + shift - affine * node.coords)
+}
+
+/// Below it the scales would be many, or without end.
+const MIN_SCALE_STEP: f64 = 1.1;
+
+/// ν_a in the mesh's unit: from the initial distances down, step by step; and the last.
 fn alignment_scales(
     initial: &[SurfacePoint],
     target: &Target,
@@ -136,7 +170,7 @@ fn alignment_scales(
     let mut scales = Vec::new();
     while last < scale {
         scales.push(scale);
-        scale /= 2.0;
+        scale /= options.scale_step.max(MIN_SCALE_STEP);
     }
     (scales, last)
 }

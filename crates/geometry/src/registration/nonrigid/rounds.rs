@@ -17,7 +17,6 @@ pub(super) struct State {
     pub rounds: usize,
     pub inner_iterations: usize,
     pub matched: usize,
-    pub energy: f64,
 }
 
 impl State {
@@ -28,7 +27,6 @@ impl State {
             rounds: 0,
             inner_iterations: 0,
             matched: 0,
-            energy: 0.0,
         }
     }
 }
@@ -42,6 +40,8 @@ pub(super) struct Rounds<'a> {
     pub state: State,
     /// Every sample under the state's transforms.
     deformed: Vec<Point>,
+    /// The last correspondences and scales.
+    last: Option<(Vec<Option<Correspondence>>, Scales)>,
 }
 
 impl<'a> Rounds<'a> {
@@ -65,7 +65,16 @@ impl<'a> Rounds<'a> {
             },
             options,
             state,
+            last: None,
         }
+    }
+
+    /// The energy for the last correspondences and scales.
+    pub fn energy(&self) -> f64 {
+        self.last.as_ref().map_or(0.0, |(targets, scales)| {
+            let transforms = &self.state.transforms;
+            self.problem.energy(transforms, targets, *scales)
+        })
     }
 
     /// Rounds at one ν_a, until the samples come to rest.
@@ -93,8 +102,7 @@ impl<'a> Rounds<'a> {
             let largest_motion = self.round(&targets, scales, &mut factorised)?;
             acceptance.trust_last_faces = true;
             if largest_motion < tolerance || round == max_rounds {
-                let transforms = &self.state.transforms;
-                self.state.energy = self.problem.energy(transforms, &targets, scales);
+                self.last = Some((targets, scales));
                 break;
             }
         }
@@ -106,7 +114,7 @@ impl<'a> Rounds<'a> {
         &mut self,
         targets: &[Option<Correspondence>],
         scales: Scales,
-        factorised: &mut Option<Factorised>,
+        factorised: &mut Option<Factorised<'a>>,
     ) -> Result<f64, RegistrationError> {
         let matched = targets.iter().flatten().count();
         if matched < MIN_CORRESPONDENCES {

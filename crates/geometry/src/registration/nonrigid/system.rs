@@ -7,68 +7,47 @@
 //! The matrix has 4 rows a node. Nodes that move a vertex in common, and no others, share a
 //! 4 x 4 block. Only the lower triangle is stored.
 
-use faer::Mat;
-use faer::Side;
-use faer::linalg::cholesky::llt::factor::LltError as PivotError;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::LltError;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
-use nalgebra::{Matrix4, Matrix4x3};
+use nalgebra::{Matrix4, Matrix4x3, Vector4};
+use wide::f32x4;
 
 use crate::registration::RegistrationError;
 
+use super::block_cholesky::{Block, Factor, Pattern, Right};
 use super::energy::{MEAN_WEIGHT, Problem, Surrogate};
+use super::scaled_equations::Rows4;
 use super::{DeformationGraph, NodeTransforms};
 
-/// Share of the largest diagonal entry that is added to all: what determines nodes that no
-/// correspondence reaches. Far below what any weight of 1e-6 does.
-const DAMPING: f64 = 1e-9;
+/// Share of every diagonal entry that is added to it: what determines nodes that no
+/// correspondence reaches. Above what rounding to `f32` takes away.
+const DAMPING: f64 = 1e-5;
 
 /// The sparsity of the normal matrix, and its symbolic factorisation.
 pub(super) struct System {
-    symbolic_matrix: SymbolicSparseColMat<usize>,
-    symbolic_factor: SymbolicLlt<usize>,
-    /// For every node, the nodes above it that it shares a block with, ascending.
-    below: Vec<Vec<u32>>,
-    column_starts: Vec<usize>,
+    pattern: Pattern,
+    /// For every node, where its edges to nodes above it start.
+    starts: Vec<usize>,
+    /// Where they lead.
+    seconds: Vec<u32>,
 }
 
-/// A factorised matrix.
-pub(super) struct Factorised {
-    factor: Llt<usize, f64>,
+/// A factorised matrix. It is in `f32`, with ones on its diagonal, whatever the unit of length: a
+/// stand-in need not be more exact, and costs half.
+pub(super) struct Factorised<'a> {
+    factor: Factor<'a>,
+    /// For every row, what makes its diagonal entry 1 from both sides.
+    scales: Vec<Vector4<f64>>,
 }
 
 impl System {
     /// Analyses the pattern of `graph`.
-    pub fn new(graph: &DeformationGraph) -> Result<Self, RegistrationError> {
-        let node_count = graph.nodes().len();
-        let mut below = vec![Vec::new(); node_count];
-        for &(i, j) in graph.edges() {
-            below[i as usize].push(j);
+    pub fn new(graph: &DeformationGraph) -> Self {
+        let (node_count, edges) = (graph.nodes().len(), graph.edges());
+        let first_of = |node| edges.partition_point(|&(a, _)| (a as usize) < node);
+        Self {
+            pattern: Pattern::new(node_count, edges),
+            starts: (0..=node_count).map(first_of).collect(),
+            seconds: edges.iter().map(|&(_, b)| b).collect(),
         }
-        let mut column_starts = vec![0];
-        let mut row_indices = Vec::new();
-        for (node, others) in below.iter().enumerate() {
-            for column in 0..4 {
-                row_indices.extend((column..4).map(|row| 4 * node + row));
-                for &other in others {
-                    row_indices.extend((0..4).map(|row| 4 * other as usize + row));
-                }
-                column_starts.push(row_indices.len());
-            }
-        }
-        let size = 4 * node_count;
-        let symbolic_matrix =
-            SymbolicSparseColMat::new_checked(size, size, column_starts.clone(), None, row_indices);
-        let symbolic_factor = SymbolicLlt::try_new(symbolic_matrix.as_ref(), Side::Lower)
-            .map_err(|error| factorisation_error(size, error.into()))?;
-        Ok(Self {
-            symbolic_matrix,
-            symbolic_factor,
-            below,
-            column_starts,
-        })
     }
 
     /// Assembles and factorises the stand-in for the normal matrix of `surrogate`.
@@ -76,57 +55,117 @@ impl System {
         &self,
         problem: &Problem<'_>,
         surrogate: &Surrogate,
-    ) -> Result<Factorised, RegistrationError> {
-        let size = 4 * self.below.len();
+    ) -> Result<Factorised<'_>, RegistrationError> {
+        let node_count = self.starts.len() - 1;
         let mut normal = Assembly {
             system: self,
-            values: vec![0.0; self.column_starts[size]],
+            diagonal: vec![Matrix4::zeros(); node_count],
+            edges: vec![Matrix4::zeros(); self.seconds.len()],
         };
         normal.add_alignment(problem, surrogate);
         normal.add_smoothness(problem, surrogate);
-        normal.add_rotation_and_damping(problem.weights.rotation);
-        let matrix = SparseColMatRef::new(self.symbolic_matrix.as_ref(), &normal.values);
-        let factor = Llt::try_new_with_symbolic(self.symbolic_factor.clone(), matrix, Side::Lower)
-            .map_err(|error| factorisation_error(size, error))?;
-        Ok(Factorised { factor })
+        normal.add_rotation(problem.weights.rotation);
+        let scales: Vec<Vector4<f64>> = normal.diagonal.iter().map(scales_of).collect();
+        let diagonal = |node: usize| {
+            let mut block = scaled(&normal.diagonal[node], &scales[node], &scales[node]);
+            block.set_diagonal(&Vector4::repeat(1.0 + DAMPING));
+            rounded(&block)
+        };
+        let edges = problem.graph.edges();
+        let edge_block = |edge: usize| {
+            let (a, b) = edges[edge];
+            let (rows, columns) = (&scales[b as usize], &scales[a as usize]);
+            rounded(&scaled(&normal.edges[edge], rows, columns))
+        };
+        let factor = self
+            .pattern
+            .factorise(diagonal, edge_block)
+            .map_err(|failed| RegistrationError::Factorisation {
+                unknowns: 4 * node_count,
+                reason: format!("the block of node {} is not positive", failed.node),
+            })?;
+        Ok(Factorised { factor, scales })
     }
 }
 
-fn factorisation_error(unknowns: usize, error: LltError) -> RegistrationError {
-    let reason = match error {
-        LltError::Numeric(PivotError::NonPositivePivot { index }) => {
-            format!("pivot {index} is not positive")
-        }
-        LltError::Generic(FaerError::OutOfMemory) => "there is too little memory".to_owned(),
-        LltError::Generic(_) => "its indices are too large".to_owned(),
+fn scales_of(block: &Matrix4<f64>) -> Vector4<f64> {
+    let scale = |entry: f64| {
+        if entry > 0.0 { 1.0 / entry.sqrt() } else { 0.0 }
     };
-    RegistrationError::Factorisation { unknowns, reason }
+    block.diagonal().map(scale)
 }
 
-impl Factorised {
-    /// Solves for a right-hand side of a 4 x 3 block a node.
-    pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
-        let dense = Mat::from_fn(4 * right.len(), 3, |row, column| {
-            right[row / 4][(row % 4, column)]
+fn scaled(block: &Matrix4<f64>, rows: &Vector4<f64>, columns: &Vector4<f64>) -> Matrix4<f64> {
+    Matrix4::from_fn(|r, c| block[(r, c)] * rows[r] * columns[c])
+}
+
+fn rounded(block: &Matrix4<f64>) -> Block {
+    std::array::from_fn(|c| f32x4::from(std::array::from_fn(|r| block[(r, c)] as f32)))
+}
+
+impl Factorised<'_> {
+    /// For every row, what makes its diagonal entry 1 from both sides.
+    pub fn scales(&self) -> &[Vector4<f64>] {
+        &self.scales
+    }
+
+    /// Scales a right-hand side of a 4 x 3 block a node by its rows' scales, and into the range of
+    /// `f32`; returns also what it was divided by.
+    pub fn scaled(&self, right: &[Matrix4x3<f64>]) -> (Vec<Rows4>, f64) {
+        let nodes = || right.iter().zip(&self.scales);
+        let size = nodes()
+            .flat_map(|(block, scales)| (0..12).map(move |i| (block[i] * scales[i % 4]).abs()))
+            .fold(f64::MIN_POSITIVE, f64::max);
+        let scaled = nodes().map(|(block, scales)| -> Rows4 {
+            std::array::from_fn(|r| {
+                let entry = |c: usize| (block[(r, c)] * scales[r] / size) as f32;
+                f32x4::from([entry(0), entry(1), entry(2), 0.0])
+            })
         });
-        let solution = self.factor.solve(&dense);
-        let transforms: NodeTransforms = (0..right.len())
-            .map(|node| Matrix4x3::from_fn(|row, column| solution[(4 * node + row, column)]))
+        (scaled.collect(), size)
+    }
+
+    /// A step in scaled unknowns, times `size`, as it is.
+    pub fn unscaled(&self, step: &[Rows4], size: f64) -> Result<NodeTransforms, RegistrationError> {
+        let nodes = step.iter().zip(&self.scales);
+        let blocks: NodeTransforms = nodes
+            .map(|(rows, scales)| {
+                let rows = rows.map(f32x4::to_array);
+                let entry = |r: usize, c: usize| f64::from(rows[r][c]) * (size * scales[r]);
+                Matrix4x3::from_fn(entry)
+            })
             .collect();
-        if transforms
-            .iter()
-            .all(|x| x.iter().all(|entry| entry.is_finite()))
-        {
-            Ok(transforms)
+        let is_finite = |block: &Matrix4x3<f64>| block.iter().all(|entry| entry.is_finite());
+        if blocks.iter().all(is_finite) {
+            Ok(blocks)
         } else {
             Err(RegistrationError::NotFinite { step: "non-rigid" })
         }
+    }
+
+    /// Solves for a scaled right-hand side, in scaled unknowns.
+    pub fn solve_scaled(&self, right: &[Rows4]) -> Vec<Rows4> {
+        let solution = self.factor.solve(|node| -> Right {
+            let [x, y, z, _] = f32x4::transpose(right[node]);
+            [x, y, z]
+        });
+        let rows = solution.iter();
+        rows.map(|&[x, y, z]| f32x4::transpose([x, y, z, f32x4::ZERO]))
+            .collect()
+    }
+
+    /// Solves for a right-hand side of a 4 x 3 block a node.
+    pub fn solve(&self, right: &[Matrix4x3<f64>]) -> Result<NodeTransforms, RegistrationError> {
+        let (right, size) = self.scaled(right);
+        self.unscaled(&self.solve_scaled(&right), size)
     }
 }
 
 struct Assembly<'a> {
     system: &'a System,
-    values: Vec<f64>,
+    diagonal: Vec<Matrix4<f64>>,
+    /// Rows of the second node, columns of the first.
+    edges: Vec<Matrix4<f64>>,
 }
 
 impl Assembly<'_> {
@@ -135,69 +174,41 @@ impl Assembly<'_> {
             let basis = problem.samples.basis(pull.sample as usize);
             for (slot, (column, column_basis)) in basis.iter().enumerate() {
                 let weighted = column_basis * (pull.weight * MEAN_WEIGHT);
-                for (row, row_basis) in &basis[slot..] {
-                    self.add_block(*row, *column, &(row_basis.transpose() * weighted));
+                self.diagonal[*column as usize] += column_basis.transpose() * weighted;
+                for (row, row_basis) in &basis[slot + 1..] {
+                    let edge = self.edge(*column, *row);
+                    self.edges[edge] += row_basis.transpose() * weighted;
                 }
             }
         }
     }
 
     fn add_smoothness(&mut self, problem: &Problem<'_>, surrogate: &Surrogate) {
-        for (&(a, b), weights) in problem.graph.edges().iter().zip(&surrogate.smoothness) {
+        let edges = problem.graph.edges().iter().zip(&surrogate.smoothness);
+        for (edge, (&(a, b), weights)) in edges.enumerate() {
             for ((i, j), weight) in [((a, b), weights[0]), ((b, a), weights[1])] {
                 let [basis_j, basis_i] = problem.edge_basis((i, j));
-                self.add_block(j, j, &(basis_j.transpose() * basis_j * weight));
-                self.add_block(i, i, &(basis_i.transpose() * basis_i * weight));
-                if j < i {
-                    self.add_block(i, j, &(basis_i.transpose() * basis_j * weight));
+                self.diagonal[j as usize] += basis_j.transpose() * basis_j * weight;
+                self.diagonal[i as usize] += basis_i.transpose() * basis_i * weight;
+                self.edges[edge] += if j < i {
+                    basis_i.transpose() * basis_j * weight
                 } else {
-                    self.add_block(j, i, &(basis_j.transpose() * basis_i * weight));
-                }
+                    basis_j.transpose() * basis_i * weight
+                };
             }
         }
     }
 
-    fn add_rotation_and_damping(&mut self, rotation_weight: f64) {
-        let node_count = self.system.below.len();
-        let diagonal = |(node, c): (usize, usize)| self.diagonal(node, c);
-        let entries = || (0..node_count).flat_map(|node| (0..4).map(move |c| (node, c)));
-        let slots: Vec<usize> = entries().map(diagonal).collect();
-        // The rows of the matrices and those of the translations differ by a squared length.
-        let largest = |is_affine: bool, least: f64| {
-            let of_kind = slots.iter().zip(entries());
-            let of_kind = of_kind.filter(|(_, (_, c))| (*c < 3) == is_affine);
-            of_kind.fold(least, |largest, (&slot, _)| largest.max(self.values[slot]))
-        };
-        let affine = DAMPING * largest(true, rotation_weight) + rotation_weight;
-        let translation = DAMPING * largest(false, 0.0);
-        for (&slot, (_, c)) in slots.iter().zip(entries()) {
-            self.values[slot] += if c < 3 { affine } else { translation };
+    fn add_rotation(&mut self, weight: f64) {
+        for block in &mut self.diagonal {
+            (0..3).for_each(|c| block[(c, c)] += weight);
         }
     }
 
-    /// Where the diagonal entry `c` of `node` is stored.
-    fn diagonal(&self, node: usize, c: usize) -> usize {
-        self.system.column_starts[4 * node + c]
-    }
-
-    /// Adds a block to row node `row` and column node `column`, `column <= row`.
-    fn add_block(&mut self, row: u32, column: u32, block: &Matrix4<f64>) {
-        let starts = &self.system.column_starts[4 * column as usize..4 * column as usize + 4];
-        if row == column {
-            for (c, &start) in starts.iter().enumerate() {
-                for r in c..4 {
-                    self.values[start + r - c] += block[(r, c)];
-                }
-            }
-            return;
-        }
-        let below = &self.system.below[column as usize];
-        let slot = below.partition_point(|&node| node < row);
-        for (c, &start) in starts.iter().enumerate() {
-            let first = start + (4 - c) + 4 * slot;
-            for r in 0..4 {
-                self.values[first + r] += block[(r, c)];
-            }
-        }
+    /// The edge from `first` to `second`, which is above it and has a vertex in common with it.
+    fn edge(&self, first: u32, second: u32) -> usize {
+        let starts = &self.system.starts[first as usize..];
+        let seconds = &self.system.seconds[starts[0]..starts[1]];
+        starts[0] + seconds.partition_point(|&node| node < second)
     }
 }

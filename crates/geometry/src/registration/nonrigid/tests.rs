@@ -74,7 +74,7 @@ fn one_round(bend: f64, max_inner_iterations: usize) -> (f64, f64) {
         samples: &samples,
         weights,
     };
-    let system = System::new(&graph).unwrap();
+    let system = System::new(&graph);
     let start = identity_transforms(graph.nodes().len());
     let targets: Vec<Option<Correspondence>> = source
         .positions()
