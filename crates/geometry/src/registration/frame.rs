@@ -104,6 +104,9 @@ pub fn register(
     })
 }
 
+/// What is so much further from the surface than its neighbor may have been led to another sheet.
+const LARGEST_GROWTH: f64 = 3.0;
+
 /// The closest point to every vertex, each looked for where a neighbor was found.
 fn closest_points(mesh: &TriangleMesh, neighbors: &Rows, target: &Target) -> Vec<SurfacePoint> {
     let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
@@ -111,7 +114,7 @@ fn closest_points(mesh: &TriangleMesh, neighbors: &Rows, target: &Target) -> Vec
         let lowest = neighbors.row(vertex).first();
         let near = lowest.and_then(|&neighbor| found.get(neighbor as usize));
         found.push(match near {
-            Some(near) => target.closest_near(position, near.face),
+            Some(near) => target.closest_near(position, near.face, LARGEST_GROWTH * near.distance),
             None => target.surface().closest(position),
         });
     }

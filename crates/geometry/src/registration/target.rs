@@ -63,14 +63,14 @@ impl Target {
     }
 
     /// About the same, found from face to face from `guess` on: the point straight below `query` on
-    /// the face where the way ends, if that is within a seventh of a mean edge. It is the closest one of
-    /// the sheet of surface that `guess` is on. Where the way ends otherwise, the closest point of
-    /// all.
+    /// the face where the way ends, if that is closer than `limit` and a seventh of a mean edge. It
+    /// is the closest one of the sheet of surface that `guess` is on. Where the way ends otherwise,
+    /// the closest point of all.
     ///
     /// # Panics
     ///
     /// If there is no such face.
-    pub(super) fn closest_near(&self, query: &Point, guess: u32) -> SurfacePoint {
+    pub(super) fn closest_near(&self, query: &Point, guess: u32, limit: f64) -> SurfacePoint {
         let (mut nearest, mut feature) = self.tree.on_face(query, guess);
         for _ in 0..MAX_STEPS {
             let corners = self.faces[nearest.face as usize];
@@ -93,7 +93,7 @@ impl Target {
                 break;
             }
         }
-        if feature == Feature::Inside && nearest.distance <= NEAR * self.mean_edge {
+        if feature == Feature::Inside && nearest.distance <= limit.min(NEAR * self.mean_edge) {
             return nearest;
         }
         self.tree.closest_from(query, nearest.face)

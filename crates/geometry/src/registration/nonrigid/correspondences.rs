@@ -87,7 +87,7 @@ impl Search<'_> {
         }
         surface
             .straight_below(deformed, last)
-            .unwrap_or_else(|| self.target.closest_near(deformed, last))
+            .unwrap_or_else(|| self.target.closest_near(deformed, last, f64::INFINITY))
     }
 
     /// The normal of a deformed sample: its own, turned by the nodes' affine maps, which are
