@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page fuzz load soak results
+.PHONY: demo test lint build page fuzz load soak results bench bench-instructions
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -56,3 +56,19 @@ load:
 # docs/RESULTS.md from the captures in the folder DATA, which are not part of the project.
 results: build
 	STEADYMESH=$${CARGO_TARGET_DIR:-target}/release/steadymesh scripts/results $(DATA)
+
+# docs/PERFORMANCE.md: how long each stage takes from 5,000 to a million faces, beside meshopt, and
+# on the captures in STEADYMESH_DATA where they are. Below ten minutes once it is built.
+bench: export CARGO_TARGET_DIR := $(or $(CARGO_TARGET_DIR),$(CURDIR)/target)
+bench:
+	scripts/install-dependencies build
+	rm -rf "$$CARGO_TARGET_DIR/criterion"
+	cargo bench --bench stages
+	cargo run --release --example performance -- "$$CARGO_TARGET_DIR/criterion" > docs/PERFORMANCE.md.new
+	mv docs/PERFORMANCE.md.new docs/PERFORMANCE.md
+
+# Instructions of each stage, by Valgrind, against benches/instructions.txt: fails over 10 % more.
+# With ACCEPT=1 that file is written anew.
+bench-instructions:
+	scripts/install-dependencies bench
+	scripts/bench-instructions $(if $(ACCEPT),--accept)

@@ -255,7 +255,9 @@ impl RunUnderWay {
                 let of_output = Clouds::new(&out.mesh)?;
                 Some(clouds.psnr(&of_output, pair.diagonal))
             }),
-            consistency: carried.as_ref().and_then(|c| c.consistency(&out.mesh)),
+            consistency: carried
+                .as_ref()
+                .and_then(|carried| consistency_of(carried.mesh()?, &out.mesh)),
             known_motion_consistency: carried_truly
                 .as_ref()
                 .and_then(|carried| consistency_of(carried, &out.mesh)),

@@ -16,12 +16,11 @@ use super::PreparedFrame;
 /// Fills in the distances of `output` to `current` and to `registered`, and those of `current`
 /// to `output`.
 ///
-/// `output` is the mesh that players see, after quantization; `registered` comes with its surface.
-/// `mode` says from which vertices. Meshes without faces, which do not come this far, leave the
-/// figures out.
-pub(super) fn add_distances(
+/// `output` is the mesh that players see, after quantization; it and `registered` come with their
+/// surfaces. `mode` says from which vertices.
+pub fn add_distances(
     metrics: &mut FrameMetrics,
-    output: &TriangleMesh,
+    (output, output_surface): (&TriangleMesh, &TriangleTree),
     current: &PreparedFrame,
     registered: Option<(&TriangleMesh, &TriangleTree)>,
     mode: MetricsMode,
@@ -38,12 +37,13 @@ pub(super) fn add_distances(
             registered.and_then(|(mesh, _)| to_vertices(&from, mesh.positions())),
         );
     }
-    metrics.current_to_output = TriangleTree::new(output)
-        .map(|tree| match measured_of(vertices, mode) {
-            Cow::Borrowed(all) => vertex_to_surface_distances(all, current.mesh().faces(), &tree),
-            Cow::Owned(some) => surface_distances(&some, &tree),
-        })
-        .map(|distances| statistics(&distances));
+    let to_output = match measured_of(vertices, mode) {
+        Cow::Borrowed(all) => {
+            vertex_to_surface_distances(all, current.mesh().faces(), output_surface)
+        }
+        Cow::Owned(some) => surface_distances(&some, output_surface),
+    };
+    metrics.current_to_output = Some(statistics(&to_output));
 }
 
 /// Vertices measured from, at the most, where they are sampled: a mean of so many distances is

@@ -14,7 +14,7 @@ mod register;
 mod scene_cut;
 mod settings;
 
-pub use measure::statistics;
+pub use measure::{add_distances, statistics};
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};
 pub use process::{
     Previous, ProcessFailed, ProcessedFrame, REGISTRATION_FAILED, process, process_registered,

@@ -111,7 +111,6 @@ pub fn process_registered(
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
-    let measured = settings.metrics != MetricsMode::Off;
     let cut = registered.as_ref().and_then(Registered::scene_cut);
     let figures = registered.as_ref().map(|r| r.figures.clone());
     let registered = registered.filter(|_| cut.is_none());
@@ -145,10 +144,13 @@ pub fn process_registered(
     };
     observer.ended(Stage::Encode);
 
-    if measured {
+    let measured = settings.metrics != MetricsMode::Off;
+    // A mesh without faces, which does not come this far, has no figures.
+    if let Some(surface) = measured.then(|| TriangleTree::new(&mesh)).flatten() {
         let previous = registered.as_ref().zip(registered_surface.as_deref());
-        measure::add_distances(&mut metrics, &mesh, current, previous, settings.metrics);
-        metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh));
+        let output = (&mesh, &surface);
+        measure::add_distances(&mut metrics, output, current, previous, settings.metrics);
+        metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh, &surface));
     }
     observer.ended(Stage::Measure);
     Ok(ProcessedFrame {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use steadymesh_geometry::TriangleMesh;
-use steadymesh_geometry::metrics::consistency;
+use steadymesh_geometry::metrics::consistency_with_surface;
 use steadymesh_geometry::registration::{self, Carried, RegistrationError, Target};
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
@@ -62,10 +62,15 @@ impl CarriedOutput {
         self.mesh.as_ref()
     }
 
-    /// What of it is found again in `output`; none if there is nothing to compare.
+    /// What of it is found again in `output`, which comes with its surface; none if there is
+    /// nothing to compare.
     #[must_use]
-    pub fn consistency(&self, output: &TriangleMesh) -> Option<metrics::Consistency> {
-        let found = consistency(self.mesh.as_ref()?, output)?;
+    pub fn consistency(
+        &self,
+        output: &TriangleMesh,
+        surface: &TriangleTree,
+    ) -> Option<metrics::Consistency> {
+        let found = consistency_with_surface(self.mesh.as_ref()?, output, surface)?;
         Some(metrics::Consistency {
             vertex_persistence: found.vertex_persistence,
             edge_persistence: found.edge_persistence,

@@ -4,6 +4,8 @@ use crate::mesh::{Edge, EdgeTable, mean_edge};
 use crate::spatial::{TriangleTree, VertexTree};
 use crate::{Point, TriangleMesh};
 
+use super::vertex_closest_points;
+
 /// How much of the previous result, carried along, is found again in the next one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Consistency {
@@ -38,10 +40,20 @@ const PERSISTENCE_RADIUS: f64 = 0.1;
 /// `None` if one of them has no faces.
 #[must_use]
 pub fn consistency(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Consistency> {
-    let (carried_surface, next_surface) = (TriangleTree::new(carried)?, TriangleTree::new(next)?);
+    consistency_with_surface(carried, next, &TriangleTree::new(next)?)
+}
+
+/// The same where the surface of `next` is there already.
+#[must_use]
+pub fn consistency_with_surface(
+    carried: &TriangleMesh,
+    next: &TriangleMesh,
+    next_surface: &TriangleTree,
+) -> Option<Consistency> {
+    let carried_surface = TriangleTree::new(carried)?;
     let persistence = persistence(carried, next)?;
     let persisting = persistence.vertices.iter().filter(|persists| **persists);
-    let to_next = mean_distance(carried, &next_surface);
+    let to_next = mean_distance(carried, next_surface);
     let to_carried = mean_distance(next, &carried_surface);
     Some(Consistency {
         vertex_persistence: persisting.count() as f64 / next.vertex_count() as f64,
@@ -88,14 +100,18 @@ pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persis
     })
 }
 
-/// From the vertices and face centers of `from`.
+/// From the vertices and face centers of `from`. A center is looked for where one of its corners
+/// was found.
 fn mean_distance(from: &TriangleMesh, to: &TriangleTree) -> f64 {
-    let centers = (0..from.face_count()).map(|face| {
-        let [a, b, c] = from.triangle(face);
-        Point::from((a.coords + b.coords + c.coords) / 3.0)
+    let vertices = vertex_closest_points(from.positions(), from.faces(), to);
+    let of_vertices = vertices.iter().map(|found| found.distance);
+    let of_centers = from.faces().iter().enumerate().map(|(index, face)| {
+        let [a, b, c] = from.triangle(index);
+        let center = Point::from((a.coords + b.coords + c.coords) / 3.0);
+        let near = vertices[face[0] as usize].face;
+        to.closest_from(&center, near).distance
     });
-    let points = from.positions().iter().copied().chain(centers);
-    let sum: f64 = points.map(|point| to.closest(&point).distance).sum();
+    let sum: f64 = of_vertices.chain(of_centers).sum();
     sum / (from.vertex_count() + from.face_count()) as f64
 }
 

@@ -7,7 +7,9 @@ mod point_errors;
 mod statistics;
 mod surface_samples;
 
-pub use consistency::{Consistency, Persistence, consistency, persistence};
+pub use consistency::{
+    Consistency, Persistence, consistency, consistency_with_surface, persistence,
+};
 pub use distances::{
     surface_distances, vertex_closest_points, vertex_distances, vertex_to_surface_distances,
 };

@@ -12,6 +12,7 @@ use crate::mesh::{Edge, face_normal};
 use crate::{Face, Point};
 
 use super::RepairReport;
+use super::faces::drop_faces;
 
 /// Passes over the mesh: one needle's flip may leave another needle behind, a step smaller.
 const MAX_PASSES: usize = 8;
@@ -24,75 +25,88 @@ pub(super) fn flip_needles(
     report: &mut RepairReport,
 ) {
     let is_needle = |face: &Face| face_normal(face.map(|v| positions[v as usize])).is_none();
+    let mut needles: Vec<usize> = (0..corners.len())
+        .filter(|&f| is_needle(&corners[f]))
+        .collect();
     for _ in 0..MAX_PASSES {
-        let needles: Vec<usize> = (0..corners.len())
-            .filter(|&f| is_needle(&corners[f]))
-            .collect();
         if needles.is_empty() {
             return;
         }
-        let mut faces_on = faces_on_edges(corners, welded);
-        let mut flipped = 0;
-        for needle in needles {
-            if is_needle(&corners[needle])
-                && flip(positions, corners, welded, (needle, &mut faces_on))
-            {
-                flipped += 1;
+        let mut faces_on = faces_on_edges(corners, welded, &needles);
+        let mut changed = Vec::new();
+        for &needle in &needles {
+            if !is_needle(&corners[needle]) {
+                continue;
             }
+            let neighbor = flip(positions, corners, welded, (needle, &mut faces_on));
+            report.flipped_faces += usize::from(neighbor.is_some());
+            changed.extend(neighbor);
         }
-        report.flipped_faces += flipped;
-        if flipped == 0 {
+        if changed.is_empty() {
             break;
         }
+        // No other face can have become one.
+        needles.append(&mut changed);
+        needles.retain(|&face| is_needle(&corners[face]));
+        needles.sort_unstable();
+        needles.dedup();
     }
-    let before = corners.len();
-    corners.retain(|face| !is_needle(face));
-    report.degenerate_faces += before - corners.len();
+    let dropped: Vec<u32> = needles.iter().map(|&face| face as u32).collect();
+    report.degenerate_faces += dropped.len();
+    drop_faces(corners, &dropped);
 }
 
 type FacesOnEdges = BTreeMap<Edge, Vec<usize>>;
 
-fn faces_on_edges(corners: &[Face], welded: &[u32]) -> FacesOnEdges {
-    let mut faces_on = FacesOnEdges::new();
-    for (index, face) in corners.iter().enumerate() {
-        for edge in Edge::of_face(face.map(|v| welded[v as usize])) {
-            faces_on.entry(edge).or_default().push(index);
-        }
+/// The faces on every edge that has an end on one of `needles`: a flip asks for no other.
+fn faces_on_edges(corners: &[Face], welded: &[u32], needles: &[usize]) -> FacesOnEdges {
+    let mut is_end = vec![false; welded.len()];
+    for corner in needles.iter().flat_map(|&needle| corners[needle]) {
+        is_end[welded[corner as usize] as usize] = true;
     }
-    faces_on
+    let mut incidences = Vec::new();
+    for (index, face) in corners.iter().enumerate() {
+        let edges = Edge::of_face(face.map(|v| welded[v as usize]));
+        let touching = edges
+            .into_iter()
+            .filter(|edge| is_end[edge.0 as usize] || is_end[edge.1 as usize]);
+        incidences.extend(touching.map(|edge| (edge, index)));
+    }
+    incidences.sort_unstable();
+    incidences
+        .chunk_by(|a, b| a.0 == b.0)
+        .map(|on| (on[0].0, on.iter().map(|&(_, face)| face).collect()))
+        .collect()
 }
 
 /// Flips the longest edge of `needle`, if just one other face is on it, that face is not a
-/// needle itself, and the new edge does not exist yet. Says whether it did.
+/// needle itself, and the new edge does not exist yet. Returns the other face if it did.
 fn flip(
     positions: &[Point],
     corners: &mut [Face],
     welded: &[u32],
     (needle, faces_on): (usize, &mut FacesOnEdges),
-) -> bool {
+) -> Option<usize> {
     let id = |v: u32| welded[v as usize];
     let at = |v: u32| positions[v as usize];
     let [a, b, c] = with_longest_edge_first(corners[needle], at);
     let long_edge = Edge::new(id(a), id(b));
     let Some(&[first, second]) = faces_on.get(&long_edge).map(Vec::as_slice) else {
-        return false;
+        return None;
     };
     let neighbor = if first == needle { second } else { first };
     // The neighbor, turned so that its corner off the edge comes last: (b, a, d).
     let [x, y, z] = corners[neighbor];
     let turned = [[x, y, z], [y, z, x], [z, x, y]];
-    let Some([nb, na, d]) = turned
+    let [nb, na, d] = turned
         .into_iter()
-        .find(|t| id(t[0]) == id(b) && id(t[1]) == id(a))
-    else {
-        return false;
-    };
+        .find(|t| id(t[0]) == id(b) && id(t[1]) == id(a))?;
     let new_edge = Edge::new(id(c), id(d));
     if id(c) == id(d)
         || faces_on.contains_key(&new_edge)
         || face_normal([nb, na, d].map(at)).is_none()
     {
-        return false;
+        return None;
     }
     corners[needle] = [na, c, d];
     corners[neighbor] = [c, nb, d];
@@ -108,7 +122,7 @@ fn flip(
     // (b, c) was on the needle and (d, a) on the neighbor; they changed hands.
     replace(Edge::new(id(b), id(c)), needle, neighbor);
     replace(Edge::new(id(d), id(a)), neighbor, needle);
-    true
+    Some(neighbor)
 }
 
 /// Turns a face so that its longest edge runs from the first corner to the second.

@@ -9,10 +9,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::mesh::{Edge, EdgeTable, face_normal};
+use crate::mesh::{Edge, Rows, face_normal};
 use crate::{Face, Point, Vector};
 
 use super::RepairReport;
+use super::faces::drop_faces;
 
 /// Faces over vertices that have been copied where sheets were taken apart.
 pub(super) struct Separated {
@@ -34,34 +35,14 @@ pub(super) fn separate(
         .iter()
         .map(|f| f.map(|v| welded[v as usize]))
         .collect();
-    let mut crowded = crowded_edges(&faces);
+    let crowded = crowded_edges(&faces, positions.len());
     report.non_manifold_edges = crowded.len();
-    if crowded.is_empty() {
-        return Separated {
-            faces,
-            vertex_origins,
-        };
-    }
-    split_fans(positions, &mut faces, &mut vertex_origins, &crowded);
-    // An edge both of whose ends hold the sheets together elsewhere cannot be cut: the
-    // smallest face on it goes. Every pass removes a face, so this ends.
-    loop {
-        crowded = crowded_edges(&faces);
-        let Some(on_edge) = crowded.values().next() else {
-            break;
-        };
-        let area = |face: usize| {
-            let [a, b, c] = corners[face].map(|v| positions[v as usize]);
-            (b - a).cross(&(c - a)).norm()
-        };
-        let smallest = on_edge
-            .iter()
-            .copied()
-            .min_by(|&f, &g| area(f).total_cmp(&area(g)));
-        let Some(smallest) = smallest else { break };
-        faces.remove(smallest);
-        corners.remove(smallest);
-        report.non_manifold_faces += 1;
+    if !crowded.is_empty() {
+        split_fans(positions, &mut faces, &mut vertex_origins, &crowded);
+        let dropped = faces_in_the_way(positions, &faces, corners, vertex_origins.len());
+        report.non_manifold_faces += dropped.len();
+        drop_faces(&mut faces, &dropped);
+        drop_faces(corners, &dropped);
     }
     Separated {
         faces,
@@ -69,18 +50,66 @@ pub(super) fn separate(
     }
 }
 
-/// The edges with more than two faces, and those faces.
-fn crowded_edges(faces: &[Face]) -> BTreeMap<Edge, Vec<usize>> {
-    EdgeTable::of(faces)
+/// The faces to be dropped where an edge is still crowded, ascending: both of its ends hold the
+/// sheets together elsewhere, so that it cannot be cut, and the smallest faces on it go.
+fn faces_in_the_way(
+    positions: &[Point],
+    faces: &[Face],
+    corners: &[Face],
+    vertex_count: usize,
+) -> Vec<u32> {
+    let area = |face: usize| {
+        let [a, b, c] = corners[face].map(|v| positions[v as usize]);
+        (b - a).cross(&(c - a)).norm()
+    };
+    let mut dropped = BTreeSet::new();
+    // A face that goes makes the edges after this one less crowded, and none more.
+    for on_edge in crowded_edges(faces, vertex_count).into_values() {
+        let mut left: Vec<usize> = on_edge
+            .into_iter()
+            .filter(|&face| !dropped.contains(&(face as u32)))
+            .collect();
+        left.sort_by(|&f, &g| area(f).total_cmp(&area(g)));
+        let excess = left.len().saturating_sub(2);
+        dropped.extend(left[..excess].iter().map(|&face| face as u32));
+    }
+    dropped.into_iter().collect()
+}
+
+/// The edges with more than two faces, and those faces in ascending order.
+fn crowded_edges(faces: &[Face], vertex_count: usize) -> BTreeMap<Edge, Vec<usize>> {
+    let incidences: Vec<(u32, (u32, u32))> = faces
         .iter()
-        .filter(|(_, on_edge)| 2 < on_edge.len())
-        .map(|(edge, on_edge)| {
-            (
-                edge,
-                on_edge.iter().map(|&(_, face)| face as usize).collect(),
-            )
+        .zip(0..)
+        .flat_map(|(&face, index)| {
+            Edge::of_face(face).map(|Edge(lower, upper)| (lower, (upper, index)))
         })
-        .collect()
+        .collect();
+    let by_lower = Rows::from_pairs(vertex_count, &incidences);
+    let mut crowded = BTreeMap::new();
+    // By the upper vertex, for one lower vertex at a time.
+    let mut face_counts = vec![0u32; vertex_count];
+    for lower in 0..vertex_count {
+        let row = by_lower.row(lower);
+        let mut is_crowded = false;
+        for &(upper, _) in row {
+            face_counts[upper as usize] += 1;
+            is_crowded |= 2 < face_counts[upper as usize];
+        }
+        if is_crowded {
+            for &(upper, face) in row {
+                if 2 < face_counts[upper as usize] {
+                    let on_edge: &mut Vec<usize> =
+                        crowded.entry(Edge(lower as u32, upper)).or_default();
+                    on_edge.push(face as usize);
+                }
+            }
+        }
+        for &(upper, _) in row {
+            face_counts[upper as usize] = 0;
+        }
+    }
+    crowded
 }
 
 /// Gives every fan of faces that is no longer joined at a vertex its own copy of the vertex.
@@ -90,13 +119,14 @@ fn split_fans(
     vertex_origins: &mut Vec<u32>,
     crowded: &BTreeMap<Edge, Vec<usize>>,
 ) {
-    let touched: BTreeSet<u32> = crowded.keys().flat_map(|edge| [edge.0, edge.1]).collect();
-    let mut around: BTreeMap<u32, Vec<usize>> = touched.iter().map(|&v| (v, vec![])).collect();
+    let mut is_touched = vec![false; vertex_origins.len()];
+    for vertex in crowded.keys().flat_map(|edge| [edge.0, edge.1]) {
+        is_touched[vertex as usize] = true;
+    }
+    let mut around: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for (index, face) in faces.iter().enumerate() {
-        for corner in face {
-            if let Some(fan) = around.get_mut(corner) {
-                fan.push(index);
-            }
+        for &corner in face.iter().filter(|&&corner| is_touched[corner as usize]) {
+            around.entry(corner).or_default().push(index);
         }
     }
     let original = faces.to_vec();

@@ -1,0 +1,332 @@
+//! What the benches run on: two frames of a sequence, and every stage on them.
+
+use std::hint::black_box;
+use std::path::Path;
+use std::sync::Arc;
+
+use steadymesh::pipeline::{
+    self, PreparedFrame, Previous, RawFrame, Settings, TargetSize, add_distances,
+};
+use steadymesh_draco::{DecodeLimits, EncodeOptions, MeshView};
+use steadymesh_geometry::mesh::mean_edge;
+use steadymesh_geometry::mesh::repair::repair;
+use steadymesh_geometry::metrics::consistency_with_surface;
+use steadymesh_geometry::registration::{self, Carried, Target};
+use steadymesh_geometry::simplification::{Anchors, Options, anchors, simplify, simplify_anchored};
+use steadymesh_geometry::spatial::TriangleTree;
+use steadymesh_geometry::{Point, TriangleMesh};
+use steadymesh_mesh_io::{Format, Limits, Mesh, glb, obj, ply, read};
+use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::stream::MetricsMode;
+use steadymesh_synthetic_rig::{Options as RigOptions, Rig};
+
+const LIMITS: Limits = Limits {
+    max_vertices: 1 << 22,
+    max_faces: 1 << 22,
+    max_memory_bytes: 1 << 32,
+};
+
+/// Two frames of a sequence as they were captured.
+pub struct Sequence {
+    /// What the figures are filed under.
+    #[allow(dead_code, reason = "instructions are counted on the rig alone")]
+    pub name: String,
+    previous: Mesh,
+    current: Mesh,
+}
+
+impl Sequence {
+    /// The tenth and eleventh frame of the synthetic rig, which has twice as many faces as vertices.
+    pub fn of_rig(face_count: usize) -> Self {
+        let options = RigOptions {
+            vertex_count: face_count / 2,
+            ..RigOptions::default()
+        };
+        let rig = Rig::new(&options).expect("the sizes are in the rig's range");
+        let frame = |index| {
+            let frame = rig.frame(index);
+            Mesh {
+                positions: frame.positions.iter().map(|p| p.map(f64::from)).collect(),
+                faces: frame.faces,
+                normals: None,
+                colors: None,
+                texture_coordinates: None,
+            }
+        };
+        Self {
+            name: face_count.to_string(),
+            previous: frame(10),
+            current: frame(11),
+        }
+    }
+
+    /// The first two frames in a folder of captures; none if it does not have them.
+    #[allow(dead_code, reason = "instructions are counted on the rig alone")]
+    pub fn of_captures(folder: &Path) -> Option<Self> {
+        let mut paths: Vec<_> = std::fs::read_dir(folder)
+            .ok()?
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| format_of(path).is_some())
+            .collect();
+        paths.sort();
+        let frame = |path: &Path| {
+            let bytes = std::fs::read(path).ok()?;
+            read(&bytes, format_of(path)?, &LIMITS).ok()
+        };
+        Some(Self {
+            name: folder.file_name()?.to_str()?.to_owned(),
+            previous: frame(paths.first()?)?,
+            current: frame(paths.get(1)?)?,
+        })
+    }
+
+    /// Faces of the second frame.
+    #[allow(dead_code, reason = "instructions are counted on the rig alone")]
+    pub fn face_count(&self) -> usize {
+        self.current.faces.len()
+    }
+}
+
+fn format_of(path: &Path) -> Option<Format> {
+    Format::from_extension(path.extension()?.to_str()?)
+}
+
+/// A stage's name and one run of it.
+pub type Stage<'a> = (&'static str, Box<dyn Fn() + 'a>);
+
+/// The stages of one frame that need no frame before it.
+pub struct Alone {
+    files: [(&'static str, Format, Vec<u8>); 4],
+    raw: RawFrame,
+    received: TriangleMesh,
+    repaired: TriangleMesh,
+    simplified: TriangleMesh,
+    positions: Vec<[f32; 3]>,
+}
+
+impl Alone {
+    /// Prepares them.
+    pub fn new(sequence: &Sequence) -> Self {
+        let mesh = &sequence.current;
+        let positions = rounded(&mesh.positions);
+        let raw = raw(mesh);
+        let received = triangle_mesh(mesh);
+        let repaired = repair(&received).mesh;
+        Self {
+            files: [
+                ("parse PLY", Format::Ply, ply::write(mesh)),
+                ("parse OBJ", Format::Obj, obj::write(mesh)),
+                ("parse GLB", Format::Glb, glb::write(mesh)),
+                ("parse DRC", Format::Drc, draco(&positions, &mesh.faces)),
+            ],
+            raw,
+            received,
+            simplified: simplify(&repaired, None, &tenth(&repaired)).mesh,
+            positions: rounded(&coordinates(&repaired)),
+            repaired,
+        }
+    }
+
+    /// Each of them.
+    pub fn stages(&self) -> Vec<Stage<'_>> {
+        let mut stages: Vec<Stage<'_>> = Vec::new();
+        for (name, format, bytes) in &self.files {
+            stages.push((
+                name,
+                Box::new(|| drop(black_box(read(bytes, *format, &LIMITS)))),
+            ));
+        }
+        let repaired = &self.repaired;
+        let options = tenth(repaired);
+        stages.push((
+            "repair",
+            Box::new(|| drop(black_box(repair(&self.received)))),
+        ));
+        stages.push((
+            "simplify off",
+            Box::new(move || drop(black_box(simplify(repaired, None, &options)))),
+        ));
+        stages.push(("meshopt", Box::new(|| self.meshopt())));
+        stages.push(("encode", Box::new(|| encode(&self.simplified))));
+        stages
+    }
+
+    /// To a tenth of the faces whatever the error.
+    fn meshopt(&self) {
+        let indices = self.repaired.faces().as_flattened();
+        let vertices = meshopt::VertexDataAdapter::new(
+            meshopt::typed_to_bytes(&self.positions),
+            size_of::<[f32; 3]>(),
+            0,
+        )
+        .expect("positions are twelve bytes each");
+        let (target, options) = (indices.len() / 30 * 3, meshopt::SimplifyOptions::None);
+        let simplified = meshopt::simplify(indices, &vertices, target, f32::MAX, options, None);
+        drop(black_box(simplified));
+    }
+}
+
+/// The stages that need the frame before.
+pub struct Together {
+    raw: RawFrame,
+    previous: PreparedFrame,
+    previous_output: TriangleMesh,
+    current: PreparedFrame,
+    surface: Arc<TriangleTree>,
+    registered: TriangleMesh,
+    registered_surface: TriangleTree,
+    carried: Vec<Carried>,
+    carried_mesh: TriangleMesh,
+    output: TriangleMesh,
+}
+
+impl Together {
+    /// Prepares them, which registers the frames.
+    pub fn new(sequence: &Sequence, alone: &Alone) -> Self {
+        let prepare = |raw| PreparedFrame::new(raw, &mut ()).expect("the frames are usable");
+        let previous = prepare(raw(&sequence.previous));
+        let current = prepare(alone.raw.clone());
+        let tree = |mesh: &TriangleMesh| TriangleTree::new(mesh).expect("the frames have faces");
+        let surface = Arc::new(tree(current.mesh()));
+        let source = previous.mesh();
+        let target = Target::of_surface(current.mesh(), Arc::clone(&surface));
+        let options = registration::Options::default();
+        let found = registration::register(source, &target, &options).expect("the frames fit");
+        let registered = moved(source, found.positions);
+        let previous_output = simplify(source, None, &tenth(source)).mesh;
+        let on_source = (source, &tree(source));
+        let carried = registration::carry(previous_output.positions(), on_source, &registered);
+        let positions = carried.iter().map(|vertex| vertex.position).collect();
+        Self {
+            raw: alone.raw.clone(),
+            carried_mesh: moved(&previous_output, positions),
+            registered_surface: tree(&registered),
+            registered,
+            carried,
+            previous_output,
+            previous,
+            surface,
+            current,
+            output: alone.simplified.clone(),
+        }
+    }
+
+    /// Each of them.
+    pub fn stages(&self) -> Vec<Stage<'_>> {
+        vec![
+            ("register", Box::new(|| self.register())),
+            ("simplify robust", Box::new(|| self.simplify_robust())),
+            ("simplify paper", Box::new(|| self.simplify_paper())),
+            ("measure full", Box::new(|| self.measure(MetricsMode::Full))),
+            (
+                "measure sampled",
+                Box::new(|| self.measure(MetricsMode::Sampled)),
+            ),
+            ("process", Box::new(|| self.process())),
+        ]
+    }
+
+    fn register(&self) {
+        let target = Target::of_surface(self.current.mesh(), Arc::clone(&self.surface));
+        let options = registration::Options::default();
+        let found = registration::register(self.previous.mesh(), &target, &options);
+        drop(black_box(found));
+    }
+
+    fn simplify_robust(&self) {
+        let mesh = self.current.mesh();
+        let previous = (self.carried.as_slice(), self.carried_mesh.faces());
+        let surface = (self.surface.as_ref(), mean_edge(mesh));
+        let options = anchors::Options::with_strength(0.5);
+        let anchors = Anchors::new(previous, mesh, surface, &options);
+        let simplified = simplify_anchored(mesh, &self.surface, &anchors, &tenth(mesh));
+        drop(black_box(simplified));
+    }
+
+    fn simplify_paper(&self) {
+        let mesh = self.current.mesh();
+        let simplified = simplify(mesh, Some(&self.registered), &tenth(mesh));
+        drop(black_box(simplified));
+    }
+
+    fn measure(&self, mode: MetricsMode) {
+        let surface = TriangleTree::new(&self.output).expect("the output has faces");
+        let mut metrics = FrameMetrics::default();
+        let registered = Some((&self.registered, &self.registered_surface));
+        let output = (&self.output, &surface);
+        add_distances(&mut metrics, output, &self.current, registered, mode);
+        let consistency = consistency_with_surface(&self.carried_mesh, &self.output, &surface);
+        drop(black_box((metrics, consistency)));
+    }
+
+    /// From the parsed frame on, as a stream does it by default.
+    fn process(&self) {
+        let current = PreparedFrame::new(self.raw.clone(), &mut ()).expect("the frame is usable");
+        let previous = Some(Previous {
+            frame: &self.previous,
+            output: Some(&self.previous_output),
+        });
+        let settings = Settings {
+            target: TargetSize::Ratio(0.1),
+            ..Settings::default()
+        };
+        drop(black_box(pipeline::process(
+            &current,
+            previous,
+            &settings,
+            &mut (),
+        )));
+    }
+}
+
+fn tenth(mesh: &TriangleMesh) -> Options {
+    Options::to_faces(mesh.face_count() / 10)
+}
+
+fn raw(mesh: &Mesh) -> RawFrame {
+    RawFrame {
+        positions: mesh.positions.clone(),
+        faces: mesh.faces.clone(),
+        byte_count: 0,
+    }
+}
+
+fn triangle_mesh(mesh: &Mesh) -> TriangleMesh {
+    let positions = mesh.positions.iter().map(|&p| Point::from(p)).collect();
+    TriangleMesh::new(positions, mesh.faces.clone()).expect("the frames are meshes")
+}
+
+fn moved(mesh: &TriangleMesh, positions: Vec<Point>) -> TriangleMesh {
+    let moved = mesh.with_positions(positions);
+    moved.expect("a registration is finite").rounded_to_f32()
+}
+
+fn coordinates(mesh: &TriangleMesh) -> Vec<[f64; 3]> {
+    mesh.positions().iter().map(|p| p.coords.into()).collect()
+}
+
+fn rounded(positions: &[[f64; 3]]) -> Vec<[f32; 3]> {
+    positions.iter().map(|p| p.map(|c| c as f32)).collect()
+}
+
+fn draco(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<u8> {
+    let view = MeshView {
+        positions,
+        faces,
+        normals: None,
+        colors: None,
+        texture_coordinates: None,
+    };
+    steadymesh_draco::encode(&view, &EncodeOptions::default()).expect("the mesh is valid")
+}
+
+/// To Draco and back, as a frame is delivered.
+fn encode(mesh: &TriangleMesh) {
+    let bytes = draco(&rounded(&coordinates(mesh)), mesh.faces());
+    let limits = DecodeLimits {
+        max_vertices: usize::MAX,
+        max_faces: usize::MAX,
+        max_memory_bytes: usize::MAX,
+    };
+    drop(black_box(steadymesh_draco::decode(&bytes, &limits)));
+}
