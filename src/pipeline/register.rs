@@ -104,7 +104,7 @@ pub fn register(
         .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
     // Rounded before it is used, so that what is written is what was measured.
     let mesh = mesh.rounded_to_f32();
-    let surface = TriangleTree::new(&mesh).ok_or(RegistrationError::Empty { which: "source" })?;
+    let surface = source_surface.refitted(&mesh);
     let cut = scene_cut(
         &Surface {
             mesh: &mesh,

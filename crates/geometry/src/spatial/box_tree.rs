@@ -100,8 +100,24 @@ impl BoxTree {
         // The order within a node does not matter, that within a group neither.
         let smallest = if group_size == 1 { WIDTH } else { group_size };
         arrange(&mut entries, capacity * group_size / 2, smallest);
-        let items: Vec<u32> = entries.iter().map(|entry| entry.item).collect();
+        let items = entries.iter().map(|entry| entry.item).collect();
+        Self::of_items(items, group_size, upper_nodes, bounds_of)
+    }
 
+    /// The same items in the same places, one a group, with other boxes.
+    pub fn refitted(&self, bounds_of: impl Fn(u32) -> Bounds) -> Self {
+        let upper_nodes = (self.first_item as usize - 1) / WIDTH;
+        Self::of_items(self.items.clone(), 1, upper_nodes, bounds_of)
+    }
+
+    /// Puts boxes around groups of items that are in order.
+    fn of_items(
+        items: Vec<u32>,
+        group_size: usize,
+        upper_nodes: usize,
+        bounds_of: impl Fn(u32) -> Bounds,
+    ) -> Self {
+        let group_count = items.len().div_ceil(group_size);
         let mut nodes = vec![Node::empty(); upper_nodes + group_count.div_ceil(WIDTH)];
         for (group, items) in items.chunks(group_size).enumerate() {
             let bounds = items.iter().map(|&item| bounds_of(item));

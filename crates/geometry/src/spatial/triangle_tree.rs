@@ -2,7 +2,7 @@
 
 use crate::{Point, TriangleMesh};
 
-use super::box_tree::BoxTree;
+use super::box_tree::{Bounds, BoxTree};
 use super::closest_point::{Feature, closest_feature};
 use super::closest_point_on_triangle;
 
@@ -54,6 +54,35 @@ impl TriangleTree {
         if mesh.face_count() == 0 {
             return None;
         }
+        let mut tree = Self::with_boxes(mesh, vec![0; mesh.face_count()], |bounds_of| {
+            BoxTree::new(mesh.face_count(), bounds_of)
+        });
+        for (slot, &face) in tree.boxes.items().iter().enumerate() {
+            tree.slots[face as usize] = slot as u32;
+        }
+        Some(tree)
+    }
+
+    /// The tree over `mesh`, which has the faces of the one that this tree is over at other
+    /// positions. As exact as a new one and made in a fraction of the time; slower to search the
+    /// further faces have come away from their neighbors.
+    ///
+    /// # Panics
+    ///
+    /// If `mesh` has fewer faces.
+    #[must_use]
+    pub fn refitted(&self, mesh: &TriangleMesh) -> Self {
+        Self::with_boxes(mesh, self.slots.clone(), |bounds_of| {
+            self.boxes.refitted(bounds_of)
+        })
+    }
+
+    /// A tree with the boxes that `make` puts around faces.
+    fn with_boxes(
+        mesh: &TriangleMesh,
+        slots: Vec<u32>,
+        make: impl FnOnce(&dyn Fn(u32) -> Bounds) -> BoxTree,
+    ) -> Self {
         let bounds = mesh.bounding_box();
         let diagonal = bounds.diagonal();
         let (origin, scale) = (
@@ -65,7 +94,7 @@ impl TriangleTree {
             .iter()
             .map(|p| relative(p, &origin, scale))
             .collect();
-        let boxes = BoxTree::new(mesh.face_count(), |face| {
+        let boxes = make(&|face| {
             let corners = mesh.faces()[face as usize].map(|corner| relative[corner as usize]);
             grown_box(corners)
         });
@@ -74,17 +103,13 @@ impl TriangleTree {
             .iter()
             .map(|&face| mesh.triangle(face as usize))
             .collect();
-        let mut slots = vec![0; mesh.face_count()];
-        for (slot, &face) in boxes.items().iter().enumerate() {
-            slots[face as usize] = slot as u32;
-        }
-        Some(Self {
+        Self {
             boxes,
             triangles,
             slots,
             origin,
             scale,
-        })
+        }
     }
 
     /// The point of the surface closest to `query`.
@@ -255,6 +280,30 @@ mod tests {
                 let found = tree.closest_from(&query, guess);
                 prop_assert!((found.distance - brute).abs() <= 1e-12 * unit);
             }
+        }
+    }
+
+    proptest! {
+        /// A tree that was fitted to other positions is as exact as one made for them.
+        #[test]
+        fn a_refitted_tree_agrees_with_looking_at_every_triangle(
+            corners in prop::collection::vec(
+                (prop::array::uniform3(-1.0..1.0_f64), prop::array::uniform3(-1.0..1.0_f64)),
+                3..120,
+            ),
+            query in prop::array::uniform3(-3.0..3.0_f64),
+        ) {
+            let (before, after): (Vec<_>, Vec<_>) = corners.into_iter().unzip();
+            let tree = TriangleTree::new(&cloud_of_triangles(&before, 1.0)).unwrap();
+            let mesh = cloud_of_triangles(&after, 1e3);
+            let query = Point::from(query) * 1e3;
+            let brute = (0..mesh.face_count())
+                .map(|f| (query - closest_point_on_triangle(&query, &mesh.triangle(f))).norm())
+                .fold(f64::INFINITY, f64::min);
+            let found = tree.refitted(&mesh).closest(&query);
+            prop_assert!((found.distance - brute).abs() <= 1e-9);
+            let there = closest_point_on_triangle(&query, &mesh.triangle(found.face as usize));
+            prop_assert!((there - found.position).norm() <= 1e-9);
         }
     }
 
