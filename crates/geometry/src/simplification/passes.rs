@@ -31,6 +31,9 @@ const PASS_SHARE: f64 = 0.2;
 /// the last ones are cheap too.
 const EDGES_PER_COLLAPSE: usize = 3;
 
+/// But at no fewer than this: the last passes would rank all edges for a handful that are refused.
+const MIN_EDGES: usize = 64;
+
 /// The cost of an edge that was refused.
 const REFUSED: f32 = f32::INFINITY;
 
@@ -113,7 +116,7 @@ impl Order for Passes {
         while target < mesh.connectivity.face_count() {
             let missing = (mesh.connectivity.face_count() - target).div_ceil(2);
             let share = (PASS_SHARE * self.edges.len() as f64) as usize;
-            let wanted = share.min(EDGES_PER_COLLAPSE * missing).max(1);
+            let wanted = share.min(EDGES_PER_COLLAPSE * missing).max(MIN_EDGES);
             self.pass(mesh, target, rules, wanted);
             if self.merged.is_empty() && self.refused == 0 {
                 return;
