@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Vector3};
 use steadymesh::pipeline::{PreparedFrame, RawFrame, register};
-use steadymesh_geometry::mesh::{EdgeTable, face_normals};
+use steadymesh_geometry::mesh::EdgeTable;
 use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances};
 use steadymesh_geometry::registration::{self, Target};
 use steadymesh_geometry::simplification::{Options, simplify};
@@ -151,10 +151,8 @@ fn registration_is_at_least_as_close_as_the_best_public_program() {
 
 /// Edges whose faces looked the same way in `mesh` and look against each other at `positions`.
 fn new_folds(mesh: &TriangleMesh, positions: &[Point]) -> usize {
-    let (before, after) = (
-        face_normals(mesh),
-        face_normals(&mesh.with_positions(positions.to_vec()).unwrap()),
-    );
+    let moved = mesh.with_positions(positions.to_vec()).unwrap();
+    let (before, after) = (mesh.face_normals(), moved.face_normals());
     let mut on_edges = std::collections::HashMap::new();
     let mut folds = 0;
     for (face, [a, b, c]) in mesh.faces().iter().enumerate() {

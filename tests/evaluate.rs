@@ -6,7 +6,6 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use serde_json::Value;
-use steadymesh_geometry::mesh::vertex_normals;
 use steadymesh_geometry::metrics::{
     DistanceStatistics, consistency, surface_distances, vertex_distances,
 };
@@ -224,7 +223,10 @@ fn decibels(peak: f64, mean_square: f64) -> f64 {
 
 /// The mean squares of the distances to the nearest vertex, and of their part along its normal.
 fn vertex_errors((from, to): (&TriangleMesh, &TriangleMesh)) -> [f64; 2] {
-    let (tree, normals) = (VertexTree::new(to.positions()).unwrap(), vertex_normals(to));
+    let (tree, normals) = (
+        VertexTree::new(to.positions()).unwrap(),
+        to.vertex_normals(),
+    );
     let mut sums = [0.0; 2];
     for vertex in from.positions() {
         let nearest = tree.nearest(vertex).0 as usize;

@@ -8,7 +8,6 @@ use steadymesh::pipeline::{
     self, PreparedFrame, Previous, RawFrame, Settings, TargetSize, add_distances,
 };
 use steadymesh_draco::{DecodeLimits, EncodeOptions, MeshView};
-use steadymesh_geometry::mesh::mean_edge;
 use steadymesh_geometry::mesh::repair::repair;
 use steadymesh_geometry::metrics::consistency_with_surface;
 use steadymesh_geometry::registration::{self, Carried, Target};
@@ -194,8 +193,7 @@ impl Together {
         let found = registration::register(source, &target, &options).expect("the frames fit");
         let registered = moved(source, found.positions);
         let previous_output = simplify(source, None, &tenth(source)).mesh;
-        let on_source = (source, &tree(source));
-        let carried = registration::carry(previous_output.positions(), on_source, &registered);
+        let carried = registration::carry(previous_output.positions(), &tree(source), &registered);
         let positions = carried.iter().map(|vertex| vertex.position).collect();
         Self {
             raw: alone.raw.clone(),
@@ -236,10 +234,9 @@ impl Together {
     fn simplify_robust(&self) {
         let mesh = self.current.mesh();
         let previous = (self.carried.as_slice(), self.carried_mesh.faces());
-        let surface = (self.surface.as_ref(), mean_edge(mesh));
         let options = anchors::Options::with_strength(0.5);
-        let anchors = Anchors::new(previous, mesh, surface, &options);
-        let simplified = simplify_anchored(mesh, &self.surface, &anchors, &tenth(mesh));
+        let anchors = Anchors::new(previous, &self.surface, &options);
+        let simplified = simplify_anchored(&self.surface, &anchors, &tenth(mesh));
         drop(black_box(simplified));
     }
 

@@ -1,7 +1,6 @@
 //! One frame, from its prepared mesh to what is delivered.
 
 use steadymesh_draco::{DecodeLimits, MeshView};
-use steadymesh_geometry::mesh::mean_edge;
 use steadymesh_geometry::simplification::{
     self, Anchors, Simplified, anchors, simplify, simplify_anchored,
 };
@@ -179,11 +178,11 @@ impl Hold<'_> {
                 (simplify(mesh, Some(reference), &options), Tracking::Paper)
             }
             Self::Anchors(Some(anchors), surface) => (
-                simplify_anchored(mesh, surface, anchors, &options),
+                simplify_anchored(surface, anchors, &options),
                 Tracking::Robust,
             ),
             Self::Anchors(None, surface) => (
-                simplify_anchored(mesh, surface, &Anchors::default(), &options),
+                simplify_anchored(surface, &Anchors::default(), &options),
                 Tracking::Off,
             ),
         }
@@ -195,19 +194,13 @@ fn hold_by_anchors<'a>(
     current: &'a PreparedFrame,
     settings: &Settings,
 ) -> Hold<'a> {
-    let mesh = current.mesh();
     let Some(surface) = current.surface() else {
         return Hold::Nothing;
     };
     let options = &anchors::Options::with_strength(settings.tracking_strength.get());
     let anchors = carried.and_then(|carried| {
         let previous = (carried.vertices.as_slice(), carried.mesh()?.faces());
-        Some(Anchors::new(
-            previous,
-            mesh,
-            (surface, mean_edge(mesh)),
-            options,
-        ))
+        Some(Anchors::new(previous, surface, options))
     });
     Hold::Anchors(anchors, surface)
 }

@@ -19,8 +19,7 @@ pub struct Registered {
     pub mesh: TriangleMesh,
     /// How well it fits.
     pub figures: metrics::Registration,
-    /// The previous frame as it was.
-    source: TriangleMesh,
+    /// That of the previous frame as it was.
     source_surface: Arc<TriangleTree>,
     /// That of `mesh`.
     pub(super) surface: Arc<TriangleTree>,
@@ -37,7 +36,7 @@ impl Registered {
     /// Carries the previous frame's result along.
     #[must_use]
     pub fn carry(&self, previous_output: &TriangleMesh) -> CarriedOutput {
-        let source = (&self.source, self.source_surface.as_ref());
+        let source = self.source_surface.as_ref();
         let vertices = registration::carry(previous_output.positions(), source, &self.mesh);
         let positions = vertices.iter().map(|vertex| vertex.position).collect();
         CarriedOutput {
@@ -107,21 +106,18 @@ pub fn register(
     let surface = source_surface.refitted(&mesh);
     let cut = scene_cut(
         &Surface {
-            mesh: &mesh,
+            now: &surface,
             captured: previous.mesh(),
-            tree: &surface,
         },
         &Surface {
-            mesh: current.mesh(),
+            now: &current_surface,
             captured: current.mesh(),
-            tree: &current_surface,
         },
         current.bounds().diagonal(),
     );
     Ok(Registered {
         mesh,
         figures,
-        source: previous.mesh().clone(),
         source_surface,
         surface: Arc::new(surface),
         scene_cut: cut,

@@ -1,8 +1,7 @@
 //! Whether the registered previous frame is one of the same scene.
 
-use steadymesh_geometry::mesh::vertex_normals;
 use steadymesh_geometry::spatial::TriangleTree;
-use steadymesh_geometry::{Face, Point, TriangleMesh, Vector};
+use steadymesh_geometry::{Point, TriangleMesh, Vector};
 
 /// The frame is not a continuation of the one before: nothing is carried over.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -22,11 +21,9 @@ pub struct SceneCut {
 /// A frame whose faces may have counterparts in another one.
 pub(super) struct Surface<'a> {
     /// Where it is.
-    pub mesh: &'a TriangleMesh,
+    pub now: &'a TriangleTree,
     /// The same faces where they were captured: a deformation crumples what it cannot fit.
     pub captured: &'a TriangleMesh,
-    /// That of `mesh`.
-    pub tree: &'a TriangleTree,
 }
 
 /// A share from which on it is a cut. From frame to frame it is at most 0.03 on four captures and on
@@ -58,50 +55,33 @@ pub(super) fn scene_cut(
     current: &Surface<'_>,
     diagonal: f64,
 ) -> Option<SceneCut> {
-    let sides = [previous, current].map(Normals::of);
     let reach = REACH * diagonal;
     let cut = SceneCut {
-        of_previous: share_without((previous, &sides[0]), (current, &sides[1]), reach),
-        of_current: share_without((current, &sides[1]), (previous, &sides[0]), reach),
+        of_previous: share_without(previous, current, reach),
+        of_current: share_without(current, previous, reach),
     };
     (MAX_SHARE < cut.of_previous.max(cut.of_current)).then_some(cut)
 }
 
-/// The vertex normals of a surface.
-struct Normals {
-    now: Vec<Vector>,
-    captured: Vec<Vector>,
-}
-
-impl Normals {
-    fn of(surface: &Surface<'_>) -> Self {
-        Self {
-            now: vertex_normals(surface.mesh),
-            captured: vertex_normals(surface.captured),
-        }
-    }
-}
-
 /// The share of the faces of `from` that have no counterpart in `to`.
-fn share_without(
-    (from, normals): (&Surface<'_>, &Normals),
-    (to, normals_there): (&Surface<'_>, &Normals),
-    reach: f64,
-) -> f64 {
+fn share_without(from: &Surface<'_>, to: &Surface<'_>, reach: f64) -> f64 {
+    let mut guess = 0;
     let has_none = |index: usize| {
-        let [a, b, c] = from.mesh.triangle(index).map(|corner| corner.coords);
-        let found = to.tree.closest(&Point::from((a + b + c) / 3.0));
-        let (here, there) = (
-            from.mesh.faces()[index],
-            to.mesh.faces()[found.face as usize],
+        let [a, b, c] = from.now.mesh().triangle(index).map(|corner| corner.coords);
+        let center = Point::from((a + b + c) / 3.0);
+        let found = to.now.closest_from(&center, guess);
+        guess = found.face;
+        let (here, there) = (index, found.face as usize);
+        let is_smooth = MIN_COHERENCE <= mean_normal(from.captured, here).norm()
+            && MIN_COHERENCE <= mean_normal(to.captured, there).norm();
+        let (one, other) = (
+            mean_normal(from.now.mesh(), here),
+            mean_normal(to.now.mesh(), there),
         );
-        let is_smooth = MIN_COHERENCE <= mean(&normals.captured, here).norm()
-            && MIN_COHERENCE <= mean(&normals_there.captured, there).norm();
-        let (one, other) = (mean(&normals.now, here), mean(&normals_there.now, there));
         let turned = one.dot(&other) < MIN_COSINE * one.norm() * other.norm();
         reach < found.distance || (is_smooth && turned)
     };
-    share(samples(from.mesh).map(has_none))
+    share(samples(from.now.mesh()).map(has_none))
 }
 
 /// The faces that are looked at.
@@ -120,8 +100,11 @@ fn share(of: impl Iterator<Item = bool>) -> f64 {
     yes as f64 / count.max(1) as f64
 }
 
-fn mean(normals: &[Vector], face: Face) -> Vector {
-    face.iter()
+/// The mean of the normals of a face's vertices.
+fn mean_normal(mesh: &TriangleMesh, face: usize) -> Vector {
+    let normals = mesh.vertex_normals();
+    let corners = mesh.faces()[face].iter();
+    corners
         .map(|&corner| normals[corner as usize])
         .sum::<Vector>()
         / 3.0

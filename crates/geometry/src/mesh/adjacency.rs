@@ -39,6 +39,7 @@ impl<T: Copy + Default> Rows<T> {
     ///
     /// If there is no such row.
     #[must_use]
+    #[inline]
     pub fn row(&self, row: usize) -> &[T] {
         &self.items[self.starts[row] as usize..self.starts[row + 1] as usize]
     }
@@ -63,9 +64,8 @@ impl<T: Copy + Default> Rows<T> {
     }
 }
 
-/// The faces around each vertex, in ascending order.
-#[must_use]
-pub fn vertex_faces(mesh: &TriangleMesh) -> Rows {
+/// [`TriangleMesh::vertex_faces`].
+pub(super) fn vertex_faces(mesh: &TriangleMesh) -> Rows {
     let mut starts = vec![0u32; mesh.vertex_count() + 1];
     for &corner in mesh.faces().iter().flatten() {
         starts[corner as usize + 1] += 1;
@@ -84,10 +84,9 @@ pub fn vertex_faces(mesh: &TriangleMesh) -> Rows {
     Rows { starts, items }
 }
 
-/// The vertices that share an edge with each vertex (its one-ring), in ascending order.
-#[must_use]
-pub fn vertex_neighbors(mesh: &TriangleMesh) -> Rows {
-    let around = vertex_faces(mesh);
+/// [`TriangleMesh::vertex_neighbors`].
+pub(super) fn vertex_neighbors(mesh: &TriangleMesh) -> Rows {
+    let around = mesh.vertex_faces();
     let mut neighbors = Rows {
         starts: Vec::with_capacity(mesh.vertex_count() + 1),
         items: Vec::with_capacity(3 * mesh.face_count()),

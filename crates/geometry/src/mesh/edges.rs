@@ -89,10 +89,8 @@ fn sort(incidences: &mut Vec<(Edge, u32)>) {
     *incidences = sorted;
 }
 
-/// The mean length of the edges of the faces, an edge counted once for every face on it; 0
-/// without faces.
-#[must_use]
-pub fn mean_edge(mesh: &TriangleMesh) -> f64 {
+/// [`TriangleMesh::mean_edge`].
+pub(super) fn mean_edge(mesh: &TriangleMesh) -> f64 {
     let perimeter = |face| {
         let [a, b, c] = mesh.triangle(face);
         (b - a).norm() + (c - b).norm() + (a - c).norm()

@@ -7,8 +7,8 @@ mod normals;
 pub mod repair;
 mod triangle_mesh;
 
-pub use adjacency::{Rows, vertex_faces, vertex_neighbors};
+pub use adjacency::Rows;
 pub use bounds::BoundingBox;
-pub use edges::{Edge, EdgeTable, mean_edge};
-pub use normals::{face_normal, face_normals, vertex_normals};
+pub use edges::{Edge, EdgeTable};
+pub use normals::face_normal;
 pub use triangle_mesh::{InvalidMesh, MAX_COORDINATE, TriangleMesh};

@@ -7,6 +7,7 @@ use crate::{Point, TriangleMesh, Vector};
 /// "On one line" is judged against the triangle's own size: a height below 1e-12 of the
 /// longest edge is what `f64` rounding makes of none.
 #[must_use]
+#[inline]
 pub fn face_normal([a, b, c]: [Point; 3]) -> Option<Vector> {
     let (ab, ac, bc) = (b - a, c - a, c - b);
     let longest = ab
@@ -18,17 +19,15 @@ pub fn face_normal([a, b, c]: [Point; 3]) -> Option<Vector> {
     (1e-12 * longest < doubled_area).then(|| cross / doubled_area)
 }
 
-/// The unit normal of every face; zero where a face has none.
-#[must_use]
-pub fn face_normals(mesh: &TriangleMesh) -> Vec<Vector> {
+/// [`TriangleMesh::face_normals`].
+pub(super) fn face_normals(mesh: &TriangleMesh) -> Vec<Vector> {
     (0..mesh.face_count())
         .map(|face| face_normal(mesh.triangle(face)).unwrap_or_else(Vector::zeros))
         .collect()
 }
 
-/// The unit normal of every vertex, faces weighted by area; zero where none is defined.
-#[must_use]
-pub fn vertex_normals(mesh: &TriangleMesh) -> Vec<Vector> {
+/// [`TriangleMesh::vertex_normals`].
+pub(super) fn vertex_normals(mesh: &TriangleMesh) -> Vec<Vector> {
     let mut sums = vec![Vector::zeros(); mesh.vertex_count()];
     for (index, face) in mesh.faces().iter().enumerate() {
         let [a, b, c] = mesh.triangle(index);

@@ -1,8 +1,12 @@
 //! The mesh that everything behind the edge works on: checked once, valid ever after.
 
-use crate::{Face, Point};
+use std::sync::{Arc, OnceLock};
 
-use super::BoundingBox;
+use nalgebra::Isometry3;
+
+use crate::{Face, Point, Vector};
+
+use super::{BoundingBox, Rows, adjacency, edges, normals};
 
 /// The largest coordinate magnitude that is accepted, in the mesh's own unit.
 ///
@@ -14,10 +18,44 @@ pub const MAX_COORDINATE: f64 = 1e18;
 ///
 /// The connectivity is otherwise free: see [`repair`](super::repair) for what makes a
 /// captured frame fit for simplification.
-#[derive(Debug, Clone, PartialEq)]
+///
+/// A mesh does not change, so that copies share its arrays, and what is derived from them (normals,
+/// neighbors) is computed once, when it is first asked for, and kept with it. Meshes that differ
+/// in their positions alone share what depends on the faces.
+#[derive(Clone)]
 pub struct TriangleMesh {
+    shape: Arc<Shape>,
+    topology: Arc<Topology>,
+}
+
+/// Where the vertices are, and what follows from that and the faces.
+struct Shape {
     positions: Vec<Point>,
+    mean_edge: OnceLock<f64>,
+    face_normals: OnceLock<Vec<Vector>>,
+    vertex_normals: OnceLock<Vec<Vector>>,
+}
+
+/// The faces, and what follows from them alone.
+struct Topology {
     faces: Vec<Face>,
+    vertex_faces: OnceLock<Rows>,
+    vertex_neighbors: OnceLock<Rows>,
+}
+
+impl PartialEq for TriangleMesh {
+    fn eq(&self, other: &Self) -> bool {
+        self.positions() == other.positions() && self.faces() == other.faces()
+    }
+}
+
+impl std::fmt::Debug for TriangleMesh {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TriangleMesh")
+            .field("positions", &self.positions())
+            .field("faces", &self.faces())
+            .finish()
+    }
 }
 
 /// Why positions and faces do not make a mesh.
@@ -63,20 +101,8 @@ impl TriangleMesh {
     ///
     /// [`InvalidMesh`] names the first vertex or face that is not usable.
     pub fn new(positions: Vec<Point>, faces: Vec<Face>) -> Result<Self, InvalidMesh> {
+        check_positions(&positions)?;
         let vertex_count = positions.len();
-        if u32::try_from(vertex_count).is_err() {
-            return Err(InvalidMesh::TooManyVertices { vertex_count });
-        }
-        let usable = |p: &Point| p.iter().all(|c| c.abs() <= MAX_COORDINATE);
-        if let Some(vertex) = positions.iter().position(|p| !usable(p)) {
-            let p = positions[vertex];
-            return Err(InvalidMesh::Position {
-                vertex,
-                x: p.x,
-                y: p.y,
-                z: p.z,
-            });
-        }
         for (face, corners) in faces.iter().enumerate() {
             if let Some(&index) = corners.iter().find(|&&i| vertex_count <= i as usize) {
                 return Err(InvalidMesh::Index {
@@ -86,7 +112,7 @@ impl TriangleMesh {
                 });
             }
         }
-        Ok(Self { positions, faces })
+        Ok(Self::of(positions, Arc::new(Topology::of(faces))))
     }
 
     /// A mesh of parts that are known to be valid, as they come out of another mesh.
@@ -97,31 +123,48 @@ impl TriangleMesh {
                 .flatten()
                 .all(|&i| (i as usize) < positions.len())
         );
-        Self { positions, faces }
+        Self::of(positions, Arc::new(Topology::of(faces)))
+    }
+
+    fn of(positions: Vec<Point>, topology: Arc<Topology>) -> Self {
+        let shape = Shape {
+            positions,
+            mean_edge: OnceLock::new(),
+            face_normals: OnceLock::new(),
+            vertex_normals: OnceLock::new(),
+        };
+        Self {
+            shape: Arc::new(shape),
+            topology,
+        }
     }
 
     /// The vertex positions, in the mesh's own unit.
     #[must_use]
+    #[inline]
     pub fn positions(&self) -> &[Point] {
-        &self.positions
+        &self.shape.positions
     }
 
     /// The faces, as vertex indices.
     #[must_use]
+    #[inline]
     pub fn faces(&self) -> &[Face] {
-        &self.faces
+        &self.topology.faces
     }
 
     /// The number of vertices.
     #[must_use]
+    #[inline]
     pub fn vertex_count(&self) -> usize {
-        self.positions.len()
+        self.positions().len()
     }
 
     /// The number of faces.
     #[must_use]
+    #[inline]
     pub fn face_count(&self) -> usize {
-        self.faces.len()
+        self.faces().len()
     }
 
     /// The corner positions of face `index`.
@@ -130,33 +173,125 @@ impl TriangleMesh {
     ///
     /// If `index` is not below [`face_count`](Self::face_count).
     #[must_use]
+    #[inline]
     pub fn triangle(&self, index: usize) -> [Point; 3] {
-        self.faces[index].map(|corner| self.positions[corner as usize])
+        let positions = self.positions();
+        self.faces()[index].map(|corner| positions[corner as usize])
     }
 
     /// The axis-aligned bounding box; of no extent at the origin for a mesh without vertices.
     #[must_use]
     pub fn bounding_box(&self) -> BoundingBox {
-        BoundingBox::of(&self.positions)
+        BoundingBox::of(self.positions())
     }
 
     /// The same faces over moved vertices.
     ///
     /// # Errors
     ///
-    /// [`InvalidMesh`] if a position is not usable or a vertex is missing.
+    /// [`InvalidMesh`] if a position is not usable.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer positions than vertices.
     pub fn with_positions(&self, positions: Vec<Point>) -> Result<Self, InvalidMesh> {
-        Self::new(positions, self.faces.clone())
+        assert!(
+            self.vertex_count() <= positions.len(),
+            "a vertex is missing"
+        );
+        check_positions(&positions)?;
+        Ok(Self::of(positions, Arc::clone(&self.topology)))
+    }
+
+    /// The mesh moved as a whole, with its normals if they are known.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidMesh`] if that takes a position out of range.
+    pub fn moved(&self, motion: &Isometry3<f64>) -> Result<Self, InvalidMesh> {
+        if *motion == Isometry3::identity() {
+            return Ok(self.clone());
+        }
+        let positions = self.positions().iter().map(|p| motion * p).collect();
+        let moved = self.with_positions(positions)?;
+        if let Some(normals) = self.shape.vertex_normals.get() {
+            let turned = normals.iter().map(|normal| motion * normal).collect();
+            // Nobody else has the new mesh yet.
+            moved.shape.vertex_normals.set(turned).ok();
+        }
+        Ok(moved)
     }
 
     /// The same mesh with every coordinate rounded to the `f32` in which frames are delivered.
     #[must_use]
     pub fn rounded_to_f32(&self) -> Self {
         let round = |c: f64| f64::from(c as f32);
-        let positions = self.positions.iter().map(|p| p.map(round)).collect();
+        let positions = self.positions().iter().map(|p| p.map(round)).collect();
+        Self::of(positions, Arc::clone(&self.topology))
+    }
+
+    /// The mean length of the edges, an edge counted once for every face on it; 0 without faces.
+    #[must_use]
+    pub fn mean_edge(&self) -> f64 {
+        let make = || edges::mean_edge(self);
+        *self.shape.mean_edge.get_or_init(make)
+    }
+
+    /// The unit normal of every face; zero where a face has none.
+    #[must_use]
+    pub fn face_normals(&self) -> &[Vector] {
+        let make = || normals::face_normals(self);
+        self.shape.face_normals.get_or_init(make)
+    }
+
+    /// The unit normal of every vertex, faces weighted by area; zero where none is defined.
+    #[must_use]
+    pub fn vertex_normals(&self) -> &[Vector] {
+        let make = || normals::vertex_normals(self);
+        self.shape.vertex_normals.get_or_init(make)
+    }
+
+    /// The faces around each vertex, in ascending order.
+    #[must_use]
+    pub fn vertex_faces(&self) -> &Rows {
+        let make = || adjacency::vertex_faces(self);
+        self.topology.vertex_faces.get_or_init(make)
+    }
+
+    /// The vertices that share an edge with each vertex (its one-ring), in ascending order.
+    #[must_use]
+    pub fn vertex_neighbors(&self) -> &Rows {
+        let make = || adjacency::vertex_neighbors(self);
+        self.topology.vertex_neighbors.get_or_init(make)
+    }
+}
+
+impl Topology {
+    fn of(faces: Vec<Face>) -> Self {
         Self {
-            positions,
-            faces: self.faces.clone(),
+            faces,
+            vertex_faces: OnceLock::new(),
+            vertex_neighbors: OnceLock::new(),
+        }
+    }
+}
+
+fn check_positions(positions: &[Point]) -> Result<(), InvalidMesh> {
+    let vertex_count = positions.len();
+    if u32::try_from(vertex_count).is_err() {
+        return Err(InvalidMesh::TooManyVertices { vertex_count });
+    }
+    let usable = |p: &Point| p.iter().all(|c| c.abs() <= MAX_COORDINATE);
+    match positions.iter().position(|p| !usable(p)) {
+        None => Ok(()),
+        Some(vertex) => {
+            let p = positions[vertex];
+            Err(InvalidMesh::Position {
+                vertex,
+                x: p.x,
+                y: p.y,
+                z: p.z,
+            })
         }
     }
 }

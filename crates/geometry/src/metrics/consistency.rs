@@ -1,6 +1,6 @@
 //! Whether the same vertices and edges come back from one result to the next.
 
-use crate::mesh::{Edge, EdgeTable, mean_edge};
+use crate::mesh::{Edge, EdgeTable};
 use crate::spatial::{TriangleTree, VertexTree};
 use crate::{Point, TriangleMesh};
 
@@ -68,7 +68,7 @@ pub fn consistency_with_surface(
 #[must_use]
 pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persistence> {
     let carried_vertices = VertexTree::new(carried.positions())?;
-    let radius = PERSISTENCE_RADIUS * mean_edge(next);
+    let radius = PERSISTENCE_RADIUS * next.mean_edge();
     let persists = |vertex: &Point| carried_vertices.nearest(vertex).1 <= radius;
     let vertices = next.positions().iter().map(persists).collect();
 

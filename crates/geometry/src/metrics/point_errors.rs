@@ -1,6 +1,5 @@
 //! D1 and D2: the point-to-point and point-to-plane errors of point-cloud coding, and their PSNR.
 
-use crate::mesh::{face_normals, vertex_normals};
 use crate::spatial::VertexTree;
 use crate::{Point, TriangleMesh, Vector};
 
@@ -20,7 +19,7 @@ impl OrientedPoints {
     pub fn vertices_of(mesh: &TriangleMesh) -> Option<Self> {
         Some(Self {
             positions: mesh.positions().to_vec(),
-            normals: vertex_normals(mesh),
+            normals: mesh.vertex_normals().to_vec(),
             tree: VertexTree::new(mesh.positions())?,
         })
     }
@@ -30,7 +29,7 @@ impl OrientedPoints {
     #[must_use]
     pub fn samples_of(mesh: &TriangleMesh, count: usize) -> Option<Self> {
         let samples = surface_samples(mesh, count);
-        let of_faces = face_normals(mesh);
+        let of_faces = mesh.face_normals();
         let positions: Vec<Point> = samples.iter().map(|sample| sample.position).collect();
         Some(Self {
             normals: samples.iter().map(|sample| of_faces[sample.face]).collect(),

@@ -17,25 +17,21 @@ pub struct Carried {
     pub height: f64,
 }
 
-/// Carries `points`, which are near `source`, a mesh and its surface, to where `registered` has it:
-/// the same mesh at other positions.
+/// Carries `points`, which are near `surface`, to where `registered` has it: its mesh at other
+/// positions.
 ///
 /// A point keeps its place in the face that is closest to it: the foot's barycentric
 /// coordinates, the height along the face's normal, and the rest of its offset unturned.
 ///
 /// # Panics
 ///
-/// If `registered` has fewer faces than `source`.
+/// If `registered` has fewer faces.
 #[must_use]
-pub fn carry(
-    points: &[Point],
-    (source, surface): (&TriangleMesh, &TriangleTree),
-    registered: &TriangleMesh,
-) -> Vec<Carried> {
+pub fn carry(points: &[Point], surface: &TriangleTree, registered: &TriangleMesh) -> Vec<Carried> {
     let carry_one = |point: &Point| {
         let closest = surface.closest(point);
         let (from, to) = (
-            source.triangle(closest.face as usize),
+            surface.mesh().triangle(closest.face as usize),
             registered.triangle(closest.face as usize),
         );
         let shares = barycentric(&closest.position, &from);
@@ -70,7 +66,7 @@ mod tests {
         let registered = source.with_positions(moved).unwrap();
         let point = Point::new(0.5, 0.3, 0.2);
         let surface = TriangleTree::new(&source).unwrap();
-        let carried = carry(&[point], (&source, &surface), &registered)[0];
+        let carried = carry(&[point], &surface, &registered)[0];
         assert!((carried.position - motion * point).norm() < 1e-12);
         assert!((carried.foot - motion * Point::new(0.5, 0.3, 0.0)).norm() < 1e-12);
         assert!((carried.height - 0.2).abs() < 1e-12);

@@ -2,7 +2,6 @@
 
 use nalgebra::Isometry3;
 
-use crate::mesh::{Rows, vertex_neighbors};
 use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh};
 
@@ -58,22 +57,14 @@ pub fn register(
 ) -> Result<Registration, RegistrationError> {
     check_size(source, target)?;
     let rigid = rigid::icp::register(source, target, &options.rigid)?;
-    let moved: Vec<Point> = source
-        .positions()
-        .iter()
-        .map(|p| rigid.target_from_source * p)
-        .collect();
     let moved = source
-        .with_positions(moved)
+        .moved(&rigid.target_from_source)
         .map_err(|_| RegistrationError::NotFinite { step: "rigid" })?;
-    let neighbors = vertex_neighbors(source);
-    let deformed =
-        nonrigid::register_with_neighbors(&moved, &neighbors, target, &options.nonrigid)?;
+    let deformed = nonrigid::register(&moved, target, &options.nonrigid)?;
     let mut mesh = moved
         .with_positions(deformed.positions)
         .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
-    let closest_of = |mesh: &TriangleMesh| closest_points(mesh, &neighbors, target);
-    let mut closest = closest_of(&mesh);
+    let mut closest = closest_points(&mesh, target);
     let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
     let deformed_sum: f64 = deformed
         .samples
@@ -83,14 +74,9 @@ pub fn register(
     let rigid_only = rigid_sum < deformed_sum;
     if rigid_only {
         mesh = moved;
-        closest = closest_of(&mesh);
+        closest = closest_points(&mesh, target);
     }
-    membrane::settle(
-        &mut mesh,
-        &mut closest,
-        (&neighbors, target),
-        &options.membrane,
-    );
+    membrane::settle(&mut mesh, &mut closest, target, &options.membrane);
     Ok(Registration {
         positions: mesh.positions().to_vec(),
         rigid_motion: rigid.target_from_source,
@@ -108,7 +94,8 @@ pub fn register(
 const LARGEST_GROWTH: f64 = 3.0;
 
 /// The closest point to every vertex, each looked for where a neighbor was found.
-fn closest_points(mesh: &TriangleMesh, neighbors: &Rows, target: &Target) -> Vec<SurfacePoint> {
+fn closest_points(mesh: &TriangleMesh, target: &Target) -> Vec<SurfacePoint> {
+    let neighbors = mesh.vertex_neighbors();
     let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
     for (vertex, position) in mesh.positions().iter().enumerate() {
         let lowest = neighbors.row(vertex).first();

@@ -19,7 +19,7 @@
 
 use wide::f32x4;
 
-use crate::mesh::{Rows, vertex_normals};
+use crate::mesh::Rows;
 use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh, Vector};
 
@@ -72,16 +72,16 @@ struct Pull {
 /// a smooth field of displacements can. `closest` follows: a vertex that is still straight above
 /// its face is not looked for again, since it only came closer to it.
 ///
-/// A vertex without a counterpart goes along with those around it, its `neighbors`, that have one.
+/// A vertex without a counterpart goes along with those around it that have one.
 pub(super) fn settle(
     mesh: &mut TriangleMesh,
     closest: &mut [SurfacePoint],
-    (neighbors, target): (&Rows, &Target),
+    target: &Target,
     options: &Options,
 ) {
     for _ in 0..options.rounds {
         let pulls = pulls(mesh, closest, target, options);
-        let displacements = displacements(neighbors, &pulls, options);
+        let displacements = displacements(mesh.vertex_neighbors(), &pulls, options);
         let moved = mesh.positions().iter().zip(&displacements);
         let moved: Vec<Point> = moved
             .map(|(p, d)| {
@@ -109,8 +109,8 @@ fn pulls(
 ) -> Vec<Pull> {
     let min_cosine = options.max_normal_angle_degrees.to_radians().cos();
     let scale = options.scale * target.mean_edge();
-    let normals = vertex_normals(mesh);
-    let vertices = mesh.positions().iter().zip(closest).zip(&normals);
+    let normals = mesh.vertex_normals();
+    let vertices = mesh.positions().iter().zip(closest).zip(normals);
     vertices
         .map(|((position, found), normal)| {
             let face_normal = target.normal(found.face);
@@ -188,7 +188,6 @@ impl Step {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::vertex_neighbors;
 
     /// A sheet of unit cells at height `height`, without the cells that `is_hole` names.
     fn sheet(height: f64, is_hole: impl Fn(u32, u32) -> bool) -> TriangleMesh {
@@ -216,8 +215,7 @@ mod tests {
             rounds: 3,
             ..Options::default()
         };
-        let neighbors = vertex_neighbors(&source);
-        settle(&mut source, &mut closest, (&neighbors, &target), &options);
+        settle(&mut source, &mut closest, &target, &options);
         for (from, to) in before.positions().iter().zip(source.positions()) {
             let displacement = to - from;
             assert!(

@@ -2,20 +2,16 @@
 
 use std::sync::Arc;
 
-use crate::mesh::{Rows, face_normals, mean_edge, vertex_faces};
 use crate::spatial::{Feature, SurfacePoint, TriangleTree};
-use crate::{Face, Point, TriangleMesh, Vector};
+use crate::{Point, TriangleMesh, Vector};
 
 use super::RegistrationError;
 
 /// The current frame, prepared once for all the searches that registration makes on it.
 #[derive(Debug)]
 pub struct Target {
+    mesh: TriangleMesh,
     tree: Arc<TriangleTree>,
-    normals: Vec<Vector>,
-    faces: Vec<Face>,
-    faces_around: Rows,
-    mean_edge: f64,
     diagonal: f64,
     centroid: Point,
 }
@@ -40,16 +36,12 @@ impl Target {
     /// The same with the tree over the surface of `mesh` that is there already.
     #[must_use]
     pub fn of_surface(mesh: &TriangleMesh, tree: Arc<TriangleTree>) -> Self {
-        let mean_edge = mean_edge(mesh);
         let diagonal = mesh.bounding_box().diagonal();
         let sum: Vector = mesh.positions().iter().map(|p| p.coords).sum();
         let centroid = Point::from(sum / mesh.vertex_count() as f64);
         Self {
+            mesh: mesh.clone(),
             tree,
-            normals: face_normals(mesh),
-            faces: mesh.faces().to_vec(),
-            faces_around: vertex_faces(mesh),
-            mean_edge,
             diagonal,
             centroid,
         }
@@ -59,7 +51,7 @@ impl Target {
     #[must_use]
     pub fn closest(&self, query: &Point) -> (SurfacePoint, Vector) {
         let found = self.tree.closest(query);
-        (found, self.normals[found.face as usize])
+        (found, self.normal(found.face))
     }
 
     /// About the same, found from face to face from `guess` on: the point straight below `query` on
@@ -73,15 +65,16 @@ impl Target {
     pub(super) fn closest_near(&self, query: &Point, guess: u32, limit: f64) -> SurfacePoint {
         let (mut nearest, mut feature) = self.tree.on_face(query, guess);
         for _ in 0..MAX_STEPS {
-            let corners = self.faces[nearest.face as usize];
+            let corners = self.mesh.faces()[nearest.face as usize];
             let (corner, shared) = match feature {
                 Feature::Inside => break,
                 Feature::Corner(corner) => (corners[corner], None),
                 Feature::Edge(from) => (corners[from], Some(corners[(from + 1) % 3])),
             };
             let distance = nearest.distance;
-            for &face in self.faces_around.row(corner as usize) {
-                let meets = shared.is_none_or(|other| self.faces[face as usize].contains(&other));
+            for &face in self.mesh.vertex_faces().row(corner as usize) {
+                let meets =
+                    shared.is_none_or(|other| self.mesh.faces()[face as usize].contains(&other));
                 if meets && face != nearest.face {
                     let (found, at) = self.tree.on_face(query, face);
                     if found.distance < nearest.distance {
@@ -93,7 +86,7 @@ impl Target {
                 break;
             }
         }
-        if feature == Feature::Inside && nearest.distance <= limit.min(NEAR * self.mean_edge) {
+        if feature == Feature::Inside && nearest.distance <= limit.min(NEAR * self.mean_edge()) {
             return nearest;
         }
         self.tree.closest_from(query, nearest.face)
@@ -106,7 +99,7 @@ impl Target {
     /// If there is no such face.
     #[must_use]
     pub fn normal(&self, face: u32) -> Vector {
-        self.normals[face as usize]
+        self.mesh.face_normals()[face as usize]
     }
 
     /// The tree over the surface.
@@ -118,7 +111,7 @@ impl Target {
     /// The mean length of the target's edges.
     #[must_use]
     pub fn mean_edge(&self) -> f64 {
-        self.mean_edge
+        self.mesh.mean_edge()
     }
 
     /// The diagonal of the target's bounding box.

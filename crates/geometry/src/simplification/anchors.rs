@@ -7,7 +7,7 @@
 use crate::mesh::{Edge, face_normal};
 use crate::registration::{Carried, welsch_weight};
 use crate::spatial::TriangleTree;
-use crate::{Face, Point, TriangleMesh, Vector};
+use crate::{Face, Point, Vector};
 
 use super::Quadric;
 use super::normalization::Normalization;
@@ -109,25 +109,18 @@ struct Anchor {
 const MIN_FIT: f64 = 0.01;
 
 impl Anchors {
-    /// Anchors `mesh` to what was carried onto it: the vertices of the previous result, between
+    /// Anchors the mesh of `surface` to what was carried onto it: the vertices of the previous result, between
     /// which `previous_faces` are.
     ///
-    /// `surface` is that of `mesh`, and `mean_edge` the mean length of its edges. Of several
-    /// anchors for the same vertex the fittest stays.
+    /// Of several anchors for the same vertex the fittest stays.
     #[must_use]
     pub fn new(
         (carried, previous_faces): (&[Carried], &[Face]),
-        mesh: &TriangleMesh,
-        (surface, mean_edge): (&TriangleTree, f64),
+        surface: &TriangleTree,
         options: &Options,
     ) -> Self {
         let attach = |(vertex, carried): (usize, &Carried)| {
-            attach(
-                (vertex as u32, carried),
-                mesh,
-                (surface, mean_edge),
-                options,
-            )
+            attach((vertex as u32, carried), surface, options)
         };
         let mut anchors: Vec<Anchor> = carried.iter().enumerate().filter_map(attach).collect();
         anchors.sort_by(|a, b| a.vertex.cmp(&b.vertex).then(b.fit.total_cmp(&a.fit)));
@@ -144,10 +137,10 @@ impl Anchors {
 /// The anchor that a carried vertex makes: where its foot meets the current surface.
 fn attach(
     (previous_vertex, carried): (u32, &Carried),
-    mesh: &TriangleMesh,
-    (surface, mean_edge): (&TriangleTree, f64),
+    surface: &TriangleTree,
     options: &Options,
 ) -> Option<Anchor> {
+    let (mesh, mean_edge) = (surface.mesh(), surface.mesh().mean_edge());
     let closest = surface.closest(&carried.foot);
     let corners = mesh.triangle(closest.face as usize);
     let normal = face_normal(corners).unwrap_or_default();
@@ -276,7 +269,7 @@ impl Pulls {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::mean_edge;
+    use crate::TriangleMesh;
     use crate::metrics::consistency;
     use crate::registration::carry;
     use crate::simplification::{Options as Target, simplify, simplify_anchored};
@@ -309,20 +302,15 @@ mod tests {
 
     fn anchors(previous: &TriangleMesh, source: &TriangleMesh, mesh: &TriangleMesh) -> Anchors {
         let before = TriangleTree::new(source).unwrap();
-        let carried = carry(previous.positions(), (source, &before), source);
+        let carried = carry(previous.positions(), &before, source);
         let surface = TriangleTree::new(mesh).unwrap();
-        Anchors::new(
-            (&carried, previous.faces()),
-            mesh,
-            (&surface, mean_edge(mesh)),
-            &Options::default(),
-        )
+        Anchors::new((&carried, previous.faces()), &surface, &Options::default())
     }
 
     /// The share of `next`'s vertices that are within a tenth of its mean edge of one before.
     fn persistence(previous: &TriangleMesh, next: &TriangleMesh) -> f64 {
         let tree = VertexTree::new(previous.positions()).unwrap();
-        let radius = 0.1 * mean_edge(next);
+        let radius = 0.1 * next.mean_edge();
         let near = |p: &&Point| tree.nearest(p).1 < radius;
         next.positions().iter().filter(near).count() as f64 / next.vertex_count() as f64
     }
@@ -334,7 +322,7 @@ mod tests {
         let previous = simplify(&before, None, &target).mesh;
         let anchors = anchors(&previous, &before, &after);
         let surface = TriangleTree::new(&after).unwrap();
-        let anchored = simplify_anchored(&after, &surface, &anchors, &target).mesh;
+        let anchored = simplify_anchored(&surface, &anchors, &target).mesh;
         let alone = simplify(&after, None, &target).mesh;
         let (with, without) = (
             persistence(&previous, &anchored),
@@ -350,15 +338,14 @@ mod tests {
         let previous = simplify(&before, None, &target).mesh;
         let surface = TriangleTree::new(&after).unwrap();
         let surface_before = TriangleTree::new(&before).unwrap();
-        let carried = carry(previous.positions(), (&before, &surface_before), &before);
+        let carried = carry(previous.positions(), &surface_before, &before);
         let found = [0.0, 0.5, 1.0].map(|strength| {
             let anchors = Anchors::new(
                 (&carried, previous.faces()),
-                &after,
-                (&surface, mean_edge(&after)),
+                &surface,
                 &Options::with_strength(strength),
             );
-            let next = simplify_anchored(&after, &surface, &anchors, &target).mesh;
+            let next = simplify_anchored(&surface, &anchors, &target).mesh;
             let carried = previous.clone();
             let found = consistency(&carried, &next).unwrap();
             (found.vertex_persistence, found.edge_persistence)
@@ -381,17 +368,12 @@ mod tests {
             .collect();
         let registered = mesh.with_positions(away).unwrap();
         let surface = TriangleTree::new(&mesh).unwrap();
-        let carried = carry(previous.positions(), (&mesh, &surface), &registered);
+        let carried = carry(previous.positions(), &surface, &registered);
         let options = Options::default();
-        let anchors = Anchors::new(
-            (&carried, previous.faces()),
-            &mesh,
-            (&surface, mean_edge(&mesh)),
-            &options,
-        );
+        let anchors = Anchors::new((&carried, previous.faces()), &surface, &options);
         assert!(anchors.anchors.is_empty());
-        let anchored = simplify_anchored(&mesh, &surface, &anchors, &target);
-        let alone = simplify_anchored(&mesh, &surface, &Anchors::default(), &target);
+        let anchored = simplify_anchored(&surface, &anchors, &target);
+        let alone = simplify_anchored(&surface, &Anchors::default(), &target);
         assert_eq!(anchored, alone);
     }
 }

@@ -1,6 +1,6 @@
 //! The mesh as it shrinks, and which collapses keep it a manifold.
 
-use crate::mesh::{Edge, vertex_faces};
+use crate::mesh::Edge;
 use crate::{Face, Point, TriangleMesh, Vector};
 
 use super::faces_around::{FacesAround, MAX_VALENCE};
@@ -35,7 +35,7 @@ impl Connectivity {
             faces: mesh.faces().to_vec(),
             alive: vec![true; face_count],
             face_count,
-            around: FacesAround::new(mesh.vertex_count(), &vertex_faces(mesh)),
+            around: FacesAround::new(mesh.vertex_count(), mesh.vertex_faces()),
             is_open: irregular_vertices(mesh),
             is_irregular: Vec::new(),
             marks: Marks {

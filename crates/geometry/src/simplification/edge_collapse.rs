@@ -63,7 +63,7 @@ pub fn simplify(
     simplify_guided(mesh, reference, &Anchors::default(), options).0
 }
 
-/// Simplifies `mesh`, whose surface is `surface`, so that the vertices and edges that `anchors`
+/// Simplifies the mesh of `surface` so that the vertices and edges that `anchors`
 /// carry over from the previous result come back, and fits what is left to the mesh.
 ///
 /// Collapses edges like [`simplify`] without a reference, but holds on to the anchors where that
@@ -71,11 +71,11 @@ pub fn simplify(
 /// first frame, the result is still fitted.
 #[must_use]
 pub fn simplify_anchored(
-    mesh: &TriangleMesh,
     surface: &TriangleTree,
     anchors: &Anchors,
     options: &Options,
 ) -> Simplified {
+    let mesh = surface.mesh();
     let (simplified, kept) = simplify_guided(mesh, None, anchors, options);
     if simplified.collapses == 0 {
         return simplified;
@@ -87,7 +87,7 @@ pub fn simplify_anchored(
     Simplified {
         mesh: refine(
             simplified.mesh,
-            (mesh, surface),
+            surface,
             (&kept, &anchors.previous_faces),
             &anchors.refinement.scaled(hold),
         ),

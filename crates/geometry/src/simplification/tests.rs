@@ -1,5 +1,5 @@
 use super::*;
-use crate::mesh::{EdgeTable, mean_edge};
+use crate::mesh::EdgeTable;
 use crate::registration::carry;
 use crate::spatial::TriangleTree;
 use crate::{Face, Point, TriangleMesh};
@@ -224,13 +224,12 @@ fn where_few_faces_go_the_result_is_as_close_as_the_original_qem() {
     let surface = TriangleTree::new(&ball).unwrap();
     let target = Options::to_faces(ball.face_count() * 9 / 10);
     let before = simplify(&ball, None, &target).mesh;
-    let carried = carry(before.positions(), (&ball, &surface), &ball);
+    let carried = carry(before.positions(), &surface, &ball);
     let anchors = Anchors::new(
         (&carried, before.faces()),
-        &ball,
-        (&surface, mean_edge(&ball)),
+        &surface,
         &anchors::Options::default(),
     );
-    let held = simplify_anchored(&ball, &surface, &anchors, &target).mesh;
+    let held = simplify_anchored(&surface, &anchors, &target).mesh;
     assert_eq!(held, before);
 }

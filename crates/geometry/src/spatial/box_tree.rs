@@ -1,29 +1,35 @@
-//! A tree of boxes, four to a node, that is walked from the nearest box on.
+//! A tree of boxes, eight to a node, that is walked from the nearest box on.
 
-use wide::f32x4;
+use wide::f32x8;
 
 /// The smallest corner and the largest.
 pub(super) type Bounds = [[f32; 3]; 2];
 
 /// Children of a node.
-const WIDTH: usize = 4;
+const WIDTH: usize = 8;
 
-/// The walk holds at most three boxes a level beside the one it is in; 16 levels are 2^32 items.
-const STACK_SIZE: usize = 64;
+/// 8^11 are 2^33 items.
+const MAX_LEVELS: usize = 11;
 
-/// Four boxes, a vector for each side, so that they are compared at once.
+/// A walk that goes into every box holds at most seven a level beside the one it is in.
+const STACK_SIZE: usize = MAX_LEVELS * (WIDTH - 1) + 1;
+
+/// A bit for every child.
+const ALL: u32 = (1 << WIDTH) - 1;
+
+/// Eight boxes, a vector for each side, so that they are compared at once.
 #[derive(Clone, Copy)]
 struct Node {
-    min: [f32x4; 3],
-    max: [f32x4; 3],
+    min: [f32x8; 3],
+    max: [f32x8; 3],
 }
 
 impl Node {
     /// No boxes: infinitely far from everything.
     fn empty() -> Self {
         Self {
-            min: [f32x4::splat(f32::INFINITY); 3],
-            max: [f32x4::splat(f32::NEG_INFINITY); 3],
+            min: [f32x8::splat(f32::INFINITY); 3],
+            max: [f32x8::splat(f32::NEG_INFINITY); 3],
         }
     }
 
@@ -36,35 +42,37 @@ impl Node {
     }
 
     fn bounds(&self) -> Bounds {
-        let fold = |sides: &f32x4, f: fn(f32, f32) -> f32| {
-            let [a, b, c, d] = sides.to_array();
-            f(f(a, b), f(c, d))
+        let least = |sides: &f32x8| sides.to_array().into_iter().fold(f32::INFINITY, f32::min);
+        let largest = |sides: &f32x8| {
+            let sides = sides.to_array().into_iter();
+            sides.fold(f32::NEG_INFINITY, f32::max)
         };
         [
-            self.min.each_ref().map(|sides| fold(sides, f32::min)),
-            self.max.each_ref().map(|sides| fold(sides, f32::max)),
+            self.min.each_ref().map(least),
+            self.max.each_ref().map(largest),
         ]
     }
 
     #[inline]
-    fn square_distances(&self, point: &[f32x4; 3]) -> f32x4 {
+    fn square_distances(&self, point: &[f32x8; 3]) -> f32x8 {
         let outside = |axis: usize| {
             // `fast_max` does not ask for NaN, and there is none.
             let apart = (self.min[axis] - point[axis]).fast_max(point[axis] - self.max[axis]);
-            apart.fast_max(f32x4::ZERO)
+            apart.fast_max(f32x8::ZERO)
         };
         let (x, y, z) = (outside(0), outside(1), outside(2));
         x * x + y * y + z * z
     }
 }
 
-/// Boxes in a complete tree: the children of node `n` are `4n + 1` to `4n + 4`, and after the
-/// last node come the items, numbered the same way.
+/// Boxes in a complete tree: the children of node `n` are `8n + 1` to `8n + 8`, and after the
+/// last node come the groups of items, numbered the same way.
 pub(super) struct BoxTree {
     nodes: Vec<Node>,
     items: Vec<u32>,
-    /// The number that the first item would have as a node.
-    first_item: u32,
+    group_size: usize,
+    /// The number that the first group would have as a node.
+    first_group: u32,
 }
 
 /// An item's center, by which it is sorted into place.
@@ -76,13 +84,10 @@ struct Entry {
 
 impl BoxTree {
     /// A tree over `count` items, at least one and fewer than 2^31, whose boxes are finite.
-    pub fn new(count: usize, bounds_of: impl Fn(u32) -> Bounds) -> Self {
-        Self::of_groups(count, 1, bounds_of)
-    }
-
-    /// The same over groups of `group_size` items that are close to each other: the numbers that
-    /// a walk visits are those of groups, and a group's items are next to each other.
-    pub fn of_groups(count: usize, group_size: usize, bounds_of: impl Fn(u32) -> Bounds) -> Self {
+    ///
+    /// Items that are close to each other are in groups of `group_size`: the numbers that a walk
+    /// visits are those of groups, and a group's items are next to each other.
+    pub fn new(count: usize, group_size: usize, bounds_of: impl Fn(u32) -> Bounds) -> Self {
         let group_count = count.div_ceil(group_size);
         let mut capacity = WIDTH;
         let mut upper_nodes = 0;
@@ -97,17 +102,16 @@ impl BoxTree {
                 Entry { center, item }
             })
             .collect();
-        // The order within a node does not matter, that within a group neither.
-        let smallest = if group_size == 1 { WIDTH } else { group_size };
-        arrange(&mut entries, capacity * group_size / 2, smallest);
+        // The order within a group does not matter.
+        arrange(&mut entries, capacity * group_size / 2, group_size);
         let items = entries.iter().map(|entry| entry.item).collect();
         Self::of_items(items, group_size, upper_nodes, bounds_of)
     }
 
-    /// The same items in the same places, one a group, with other boxes.
+    /// The same items in the same places with other boxes.
     pub fn refitted(&self, bounds_of: impl Fn(u32) -> Bounds) -> Self {
-        let upper_nodes = (self.first_item as usize - 1) / WIDTH;
-        Self::of_items(self.items.clone(), 1, upper_nodes, bounds_of)
+        let upper_nodes = (self.first_group as usize - 1) / WIDTH;
+        Self::of_items(self.items.clone(), self.group_size, upper_nodes, bounds_of)
     }
 
     /// Puts boxes around groups of items that are in order.
@@ -131,16 +135,17 @@ impl BoxTree {
         Self {
             nodes,
             items,
-            first_item: (WIDTH * upper_nodes + 1) as u32,
+            group_size,
+            first_group: (WIDTH * upper_nodes + 1) as u32,
         }
     }
 
-    /// The items in the tree's order: the *slots* that a walk visits are places in it.
+    /// The items in the tree's order, group by group.
     pub fn items(&self) -> &[u32] {
         &self.items
     }
 
-    /// Calls `visit` with the slot of every item whose box is closer to `point` than the square
+    /// Calls `visit` with the number of every group whose box is closer to `point` than the square
     /// root of `bound`, about nearest first; `visit` returns the new bound.
     #[inline]
     pub fn visit_nearest(
@@ -149,53 +154,44 @@ impl BoxTree {
         mut bound: f32,
         mut visit: impl FnMut(u32) -> f32,
     ) {
-        let mut stack = [(0.0f32, 0u32); STACK_SIZE];
-        let lanes = point.map(f32x4::splat);
-        let mut size = 1;
-        // The root is looked at whatever the bound.
-        stack[0].0 = f32::NEG_INFINITY;
-        while 0 < size {
-            size -= 1;
-            let (square, mut number) = stack[size];
-            if bound <= square {
+        let lanes = point.map(f32x8::splat);
+        // The nodes above that have children left to look at: their distances, and which.
+        let mut above = [(f32x8::ZERO, 0u32, 0u32); MAX_LEVELS];
+        let mut level = 0;
+        let (mut number, mut left) = (0u32, ALL);
+        let mut squares = self.nodes[0].square_distances(&lanes);
+        loop {
+            let nearer = squares.simd_lt(f32x8::splat(bound)).to_bitmask() & left;
+            if nearer == 0 {
+                if level == 0 {
+                    return;
+                }
+                level -= 1;
+                (squares, number, left) = above[level];
                 continue;
             }
-            let (squares, mut nearer) = loop {
-                if self.first_item <= number {
-                    bound = visit(number - self.first_item);
-                    break (f32x4::ZERO, 0);
-                }
-                let squares = self.nodes[number as usize].square_distances(&lanes);
-                let nearer = squares.simd_lt(f32x4::splat(bound)).to_bitmask();
-                // Most often there is one to go on with: no need to put it aside.
-                if nearer == 0 || nearer & (nearer - 1) != 0 {
-                    break (squares, nearer);
-                }
-                number = WIDTH as u32 * number + 1 + nearer.trailing_zeros();
-            };
-            let (squares, first) = (squares.to_array(), size);
-            while nearer != 0 {
-                let lane = nearer.trailing_zeros();
-                nearer &= nearer - 1;
-                let entry = (squares[lane as usize], WIDTH as u32 * number + 1 + lane);
-                // The nearest ends on top.
-                let mut place = size;
-                while first < place && stack[place - 1].0 < entry.0 {
-                    stack[place] = stack[place - 1];
-                    place -= 1;
-                }
-                stack[place] = entry;
-                size += 1;
+            let lane = nearest_of(squares, nearer);
+            left = nearer & !(1 << lane);
+            let child = WIDTH as u32 * number + 1 + lane;
+            if self.first_group <= child {
+                bound = visit(child - self.first_group);
+                continue;
             }
+            if left != 0 {
+                above[level] = (squares, number, left);
+                level += 1;
+            }
+            (number, left) = (child, ALL);
+            squares = self.nodes[number as usize].square_distances(&lanes);
         }
     }
 
-    /// Calls `visit` with the slot of every item whose box is closer to `point` than the square
+    /// Calls `visit` with the number of every group whose box is closer to `point` than the square
     /// root of `bound`.
     #[inline]
     pub fn visit_within(&self, point: &[f32; 3], bound: f32, mut visit: impl FnMut(u32)) {
-        let lanes = point.map(f32x4::splat);
-        let bound = f32x4::splat(bound);
+        let lanes = point.map(f32x8::splat);
+        let bound = f32x8::splat(bound);
         let mut stack = [0u32; STACK_SIZE];
         let mut size = 1;
         while 0 < size {
@@ -206,8 +202,8 @@ impl BoxTree {
             while nearer != 0 {
                 let child = WIDTH as u32 * number + 1 + nearer.trailing_zeros();
                 nearer &= nearer - 1;
-                if self.first_item <= child {
-                    visit(child - self.first_item);
+                if self.first_group <= child {
+                    visit(child - self.first_group);
                 } else {
                     stack[size] = child;
                     size += 1;
@@ -215,6 +211,24 @@ impl BoxTree {
             }
         }
     }
+}
+
+/// The lane of the least of `squares` among those whose bit is set in `among`, at least one.
+#[inline]
+pub(super) fn nearest_of(squares: f32x8, among: u32) -> u32 {
+    let (mut nearest, mut rest) = (among.trailing_zeros(), among & (among - 1));
+    if rest == 0 {
+        return nearest;
+    }
+    let squares = squares.to_array();
+    while rest != 0 {
+        let lane = rest.trailing_zeros();
+        rest &= rest - 1;
+        if squares[lane as usize] < squares[nearest as usize] {
+            nearest = lane;
+        }
+    }
+    nearest
 }
 
 /// Sorts entries so that every full subtree's are together and apart from the others: halves

@@ -3,6 +3,7 @@
 mod box_tree;
 mod closest_point;
 mod point_tree;
+mod triangle_pack;
 mod triangle_tree;
 mod vertex_tree;
 

@@ -43,7 +43,7 @@ impl PointTree {
         if points.is_empty() {
             return None;
         }
-        let boxes = BoxTree::of_groups(points.len(), GROUP_QUADS * QUAD, |index| {
+        let boxes = BoxTree::new(points.len(), GROUP_QUADS * QUAD, |index| {
             let corner = rounded(&points[index as usize]);
             [corner, corner]
         });

@@ -1,10 +1,13 @@
 //! Closest point on a triangle mesh.
 
+use wide::f32x8;
+
 use crate::{Point, TriangleMesh};
 
-use super::box_tree::{Bounds, BoxTree};
+use super::box_tree::{Bounds, BoxTree, nearest_of};
 use super::closest_point::{Feature, closest_feature};
 use super::closest_point_on_triangle;
+use super::triangle_pack::{PACK, TrianglePack};
 
 /// The point of a surface that is closest to a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,13 +23,13 @@ pub struct SurfacePoint {
 /// A tree of boxes over the faces of a mesh.
 ///
 /// The boxes are in `f32`, relative to the mesh's own box and grown by more than their
-/// rounding; the triangles are in `f64`, so the distances are exact to rounding.
+/// rounding. Triangles that are close to each other are looked at eight at a time in `f32`, and those
+/// of them that may be the closest again in `f64`, so that the distances are exact to rounding.
 pub struct TriangleTree {
     boxes: BoxTree,
-    /// In the order of the boxes.
-    triangles: Vec<[Point; 3]>,
-    /// For every face, where its triangle is.
-    slots: Vec<u32>,
+    /// One for every group of the boxes.
+    packs: Vec<TrianglePack>,
+    mesh: TriangleMesh,
     origin: Point,
     scale: f64,
 }
@@ -34,7 +37,7 @@ pub struct TriangleTree {
 impl std::fmt::Debug for TriangleTree {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("TriangleTree")
-            .field("triangles", &self.triangles.len())
+            .field("triangles", &self.mesh.face_count())
             .finish()
     }
 }
@@ -54,13 +57,9 @@ impl TriangleTree {
         if mesh.face_count() == 0 {
             return None;
         }
-        let mut tree = Self::with_boxes(mesh, vec![0; mesh.face_count()], |bounds_of| {
-            BoxTree::new(mesh.face_count(), bounds_of)
-        });
-        for (slot, &face) in tree.boxes.items().iter().enumerate() {
-            tree.slots[face as usize] = slot as u32;
-        }
-        Some(tree)
+        Some(Self::with_boxes(mesh, |bounds_of| {
+            BoxTree::new(mesh.face_count(), PACK, bounds_of)
+        }))
     }
 
     /// The tree over `mesh`, which has the faces of the one that this tree is over at other
@@ -72,15 +71,12 @@ impl TriangleTree {
     /// If `mesh` has fewer faces.
     #[must_use]
     pub fn refitted(&self, mesh: &TriangleMesh) -> Self {
-        Self::with_boxes(mesh, self.slots.clone(), |bounds_of| {
-            self.boxes.refitted(bounds_of)
-        })
+        Self::with_boxes(mesh, |bounds_of| self.boxes.refitted(bounds_of))
     }
 
     /// A tree with the boxes that `make` puts around faces.
     fn with_boxes(
         mesh: &TriangleMesh,
-        slots: Vec<u32>,
         make: impl FnOnce(&dyn Fn(u32) -> Bounds) -> BoxTree,
     ) -> Self {
         let bounds = mesh.bounding_box();
@@ -98,18 +94,27 @@ impl TriangleTree {
             let corners = mesh.faces()[face as usize].map(|corner| relative[corner as usize]);
             grown_box(corners)
         });
-        let triangles = boxes
-            .items()
-            .iter()
-            .map(|&face| mesh.triangle(face as usize))
-            .collect();
+        let pack = |faces: &[u32]| {
+            let mut triangles = [[[0.0; 3]; 3]; PACK];
+            for (triangle, &face) in triangles.iter_mut().zip(faces) {
+                *triangle = mesh.faces()[face as usize].map(|corner| relative[corner as usize]);
+            }
+            TrianglePack::new(&triangles[..faces.len()])
+        };
         Self {
+            packs: boxes.items().chunks(PACK).map(pack).collect(),
             boxes,
-            triangles,
-            slots,
+            mesh: mesh.clone(),
             origin,
             scale,
         }
+    }
+
+    /// The mesh whose surface it is.
+    #[must_use]
+    #[inline]
+    pub fn mesh(&self) -> &TriangleMesh {
+        &self.mesh
     }
 
     /// The point of the surface closest to `query`.
@@ -117,8 +122,8 @@ impl TriangleTree {
     pub fn closest(&self, query: &Point) -> SurfacePoint {
         self.closest_below(query, f64::INFINITY)
             .unwrap_or(SurfacePoint {
-                position: self.triangles[0][0],
-                face: self.boxes.items()[0],
+                position: self.mesh.triangle(0)[0],
+                face: 0,
                 distance: f64::INFINITY,
             })
     }
@@ -132,8 +137,7 @@ impl TriangleTree {
     /// If there is no such face.
     #[must_use]
     pub fn closest_from(&self, query: &Point, guess: u32) -> SurfacePoint {
-        let triangle = &self.triangles[self.slots[guess as usize] as usize];
-        let position = closest_point_on_triangle(query, triangle);
+        let position = closest_point_on_triangle(query, &self.mesh.triangle(guess as usize));
         let distance = (query - position).norm();
         let guessed = SurfacePoint {
             position,
@@ -145,8 +149,7 @@ impl TriangleTree {
 
     /// The point of a face closest to `query`, and where on the face that is.
     pub(crate) fn on_face(&self, query: &Point, face: u32) -> (SurfacePoint, Feature) {
-        let triangle = &self.triangles[self.slots[face as usize] as usize];
-        let (position, feature) = closest_feature(query, triangle);
+        let (position, feature) = closest_feature(query, &self.mesh.triangle(face as usize));
         let distance = (query - position).norm();
         let found = SurfacePoint {
             position,
@@ -163,7 +166,7 @@ impl TriangleTree {
     /// If there is no such face.
     #[must_use]
     pub fn straight_below(&self, query: &Point, face: u32) -> Option<SurfacePoint> {
-        let [a, b, c] = self.triangles[self.slots[face as usize] as usize];
+        let [a, b, c] = self.mesh.triangle(face as usize);
         let (ab, ac, ap) = (b - a, c - a, query - a);
         let normal = ab.cross(&ac);
         let square = normal.norm_squared();
@@ -185,27 +188,20 @@ impl TriangleTree {
     /// A tight limit saves most of the search.
     #[must_use]
     pub fn closest_below(&self, query: &Point, limit: f64) -> Option<SurfacePoint> {
-        let mut best = Best {
-            square: limit * limit,
-            found: None,
-        };
         let relative = relative(query, &self.origin, self.scale);
-        if relative.iter().all(|c| c.abs() < FAR_AWAY) {
-            let square_scale = self.scale * self.scale;
-            let bound = |square: f64| (square * square_scale * BOUND_MARGIN) as f32;
+        let mut best = Best::below(query, &relative, limit, self);
+        if best.extent < FAR_AWAY {
             self.boxes
-                .visit_nearest(&relative, bound(best.square), |slot| {
-                    best.try_triangle(query, &self.triangles[slot as usize], slot);
-                    bound(best.square)
+                .visit_nearest(&relative, best.box_bound(), |pack| {
+                    best.try_pack(pack);
+                    best.box_bound()
                 });
         } else {
-            for (slot, triangle) in self.triangles.iter().enumerate() {
-                best.try_triangle(query, triangle, slot as u32);
-            }
+            (0..self.mesh.face_count() as u32).for_each(|face| best.try_face(face));
         }
-        best.found.map(|(position, slot)| SurfacePoint {
+        best.found.map(|(position, face)| SurfacePoint {
             position,
-            face: self.boxes.items()[slot as usize],
+            face,
             distance: best.square.sqrt(),
         })
     }
@@ -215,21 +211,67 @@ impl TriangleTree {
 /// that of the distance itself and of a query's coordinates away from the mesh.
 const BOUND_MARGIN: f64 = 1.0 + 4e-5;
 
-struct Best {
+/// The closest point that a search has found.
+struct Best<'a> {
+    query: &'a Point,
+    tree: &'a TriangleTree,
+    /// The query relative to the mesh, and its largest coordinate there.
+    lanes: [f32x8; 3],
+    extent: f32,
+    /// Of the distance.
     square: f64,
     found: Option<(Point, u32)>,
 }
 
-impl Best {
+impl<'a> Best<'a> {
+    fn below(query: &'a Point, relative: &[f32; 3], limit: f64, tree: &'a TriangleTree) -> Self {
+        Self {
+            query,
+            tree,
+            lanes: relative.map(f32x8::splat),
+            extent: relative.iter().fold(0.0, |most, c| c.abs().max(most)),
+            square: limit * limit,
+            found: None,
+        }
+    }
+
+    /// The square of the distance of boxes that may have something closer.
     #[inline]
-    fn try_triangle(&mut self, query: &Point, triangle: &[Point; 3], slot: u32) {
-        let position = closest_point_on_triangle(query, triangle);
-        let square = (query - position).norm_squared();
+    fn box_bound(&self) -> f32 {
+        let scale = self.tree.scale;
+        (self.square * (scale * scale) * BOUND_MARGIN) as f32
+    }
+
+    #[inline]
+    fn try_pack(&mut self, number: u32) {
+        let pack = &self.tree.packs[number as usize];
+        let squares = pack.least_squares(&self.lanes);
+        let mut left = (1 << PACK) - 1;
+        loop {
+            let distance = (self.square.sqrt() * self.tree.scale) as f32;
+            let bound = pack.bound(distance, self.extent);
+            left &= squares.simd_lt(f32x8::splat(bound)).to_bitmask();
+            if left == 0 {
+                return;
+            }
+            let lane = nearest_of(squares, left);
+            left &= !(1 << lane);
+            let slot = PACK * number as usize + lane as usize;
+            // Lanes that stand for missing triangles have no face.
+            if let Some(&face) = self.tree.boxes.items().get(slot) {
+                self.try_face(face);
+            }
+        }
+    }
+
+    #[inline]
+    fn try_face(&mut self, face: u32) {
+        let triangle = self.tree.mesh.triangle(face as usize);
+        let position = closest_point_on_triangle(self.query, &triangle);
+        let square = (self.query - position).norm_squared();
         if square < self.square {
-            *self = Self {
-                square,
-                found: Some((position, slot)),
-            };
+            self.square = square;
+            self.found = Some((position, face));
         }
     }
 }

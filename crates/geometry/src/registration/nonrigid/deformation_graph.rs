@@ -1,6 +1,6 @@
 //! Nodes on the source, and how they move its vertices.
 
-use crate::mesh::{Rows, mean_edge, vertex_neighbors};
+use crate::mesh::Rows;
 use crate::{Point, TriangleMesh, Vector};
 
 /// Where the nodes go and how far they reach.
@@ -49,19 +49,10 @@ impl DeformationGraph {
     /// Places nodes on `mesh` so that every vertex is within the spacing of one.
     #[must_use]
     pub fn new(mesh: &TriangleMesh, options: &GraphOptions) -> Self {
-        Self::with_neighbors(mesh, &vertex_neighbors(mesh), options)
-    }
-
-    /// The same with the vertices' neighbors at hand.
-    pub(in crate::registration) fn with_neighbors(
-        mesh: &TriangleMesh,
-        neighbors: &Rows,
-        options: &GraphOptions,
-    ) -> Self {
-        let spacing = spacing_for(mesh, mean_edge(mesh), options);
+        let spacing = spacing_for(mesh, mesh.mean_edge(), options);
         let reach = spacing * options.influence;
         let spacing_share = (1.0 / options.influence) as f32;
-        let mut search = EdgeDistances::new(mesh, neighbors, reach);
+        let mut search = EdgeDistances::new(mesh, reach);
         let mut covered = vec![false; mesh.vertex_count()];
         let mut nodes = Vec::new();
         let mut shares = Vec::new();
@@ -187,11 +178,11 @@ const UNREACHED: Label = Label {
 };
 
 impl EdgeDistances {
-    fn new(mesh: &TriangleMesh, neighbors: &Rows, reach: f64) -> Self {
+    fn new(mesh: &TriangleMesh, reach: f64) -> Self {
         let positions = mesh.positions();
         let scale = if reach > 0.0 { 1.0 / reach } else { 0.0 };
         Self {
-            neighbors: neighbors.map(|from, to| {
+            neighbors: mesh.vertex_neighbors().map(|from, to| {
                 let step: Vector = positions[to as usize] - positions[from];
                 (to, (step.norm() * scale) as f32)
             }),

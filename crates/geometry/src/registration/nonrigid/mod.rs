@@ -34,7 +34,6 @@ mod system;
 pub use deformation_graph::{DeformationGraph, GraphOptions, Influence};
 pub use energy::{NodeTransforms, Scales};
 pub use options::{Options, Solver};
-pub(super) use outer_loop::register_with_neighbors;
 pub use outer_loop::{NonRigidRegistration, Sampled, register};
 
 #[cfg(test)]

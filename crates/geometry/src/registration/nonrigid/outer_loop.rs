@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Matrix4x3};
 
-use crate::mesh::{Rows, vertex_neighbors, vertex_normals};
 use crate::metrics::DistanceStatistics;
 use crate::registration::{RegistrationError, Target};
 use crate::spatial::SurfacePoint;
@@ -55,23 +54,13 @@ pub fn register(
     target: &Target,
     options: &Options,
 ) -> Result<NonRigidRegistration, RegistrationError> {
-    register_with_neighbors(source, &vertex_neighbors(source), target, options)
-}
-
-/// The same with the neighbors of the source's vertices at hand.
-pub(in crate::registration) fn register_with_neighbors(
-    source: &TriangleMesh,
-    neighbors: &Rows,
-    target: &Target,
-    options: &Options,
-) -> Result<NonRigidRegistration, RegistrationError> {
     if source.face_count() == 0 {
         return Err(RegistrationError::Empty { which: "source" });
     }
-    let graph = DeformationGraph::with_neighbors(source, neighbors, &options.graph);
+    let graph = DeformationGraph::new(source, &options.graph);
     let system = System::new(&graph);
-    let normals = vertex_normals(source);
-    let coarse = Sampling::new(source, &normals, &graph, options.coarse_samples);
+    let normals = source.vertex_normals();
+    let coarse = Sampling::new(source, normals, &graph, options.coarse_samples);
     let initial: Vec<SurfacePoint> = coarse
         .vertices
         .iter()
@@ -86,7 +75,7 @@ pub(in crate::registration) fn register_with_neighbors(
     for scale in coarse_scales {
         rounds.run_scale(scale, options.rounds_per_scale)?;
     }
-    let fine = Sampling::new(source, &normals, &graph, options.samples);
+    let fine = Sampling::new(source, normals, &graph, options.samples);
     let faces = coarse.guesses_for(&fine, &rounds.search.last_faces);
     let mut rounds = rounds_on(&fine, faces, rounds.state);
     rounds.run_scale(last_scale, options.final_rounds)?;

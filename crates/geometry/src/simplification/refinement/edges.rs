@@ -1,6 +1,5 @@
 //! Faces whose edges can be flipped.
 
-use crate::mesh::vertex_faces;
 use crate::{Face, TriangleMesh};
 
 /// Faces, and which are around each vertex.
@@ -33,7 +32,7 @@ const MIN_VALENCE: usize = 3;
 
 impl FlippableFaces {
     pub fn new(mesh: &TriangleMesh) -> Self {
-        let around = vertex_faces(mesh);
+        let around = mesh.vertex_faces();
         Self {
             faces: mesh.faces().to_vec(),
             around: (0..mesh.vertex_count())

@@ -2,9 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::mesh::{
-    Rows, face_normal, face_normals, mean_edge, vertex_faces, vertex_neighbors, vertex_normals,
-};
+use crate::mesh::{Rows, face_normal};
 use crate::spatial::{TriangleTree, barycentric, closest_point_on_triangle};
 use crate::{Point, TriangleMesh, Vector};
 
@@ -28,13 +26,13 @@ use super::{Kept, Options};
 /// springs.
 pub(super) fn fit(
     simplified: &TriangleMesh,
-    original: (&TriangleMesh, &TriangleTree),
+    surface: &TriangleTree,
     (samples, kept): (&Samples<'_>, &[Option<Kept>]),
     options: &Options,
 ) -> TriangleMesh {
     let mut system = System::new(simplified, samples);
     let share = samples.count() as f64 / (3 * simplified.vertex_count()) as f64;
-    system.hold(original, (kept, share), options);
+    system.hold(surface, (kept, share), options);
     for _ in 0..options.sweeps {
         system.sweep(options.smoothing * share);
     }
@@ -56,11 +54,11 @@ struct Moments {
 /// The least-squares problem. Everything the samples say is in their faces' moments.
 struct System<'a> {
     mesh: &'a TriangleMesh,
-    face_normals: Vec<Vector>,
+    face_normals: &'a [Vector],
     moments: Vec<Moments>,
-    faces: Rows,
-    neighbors: Rows,
-    normals: Vec<Vector>,
+    faces: &'a Rows,
+    neighbors: &'a Rows,
+    normals: &'a [Vector],
     /// The normal equations of all that holds one vertex alone: a matrix, and what it pulls to.
     holds: Vec<(Matrix3<f64>, Vector)>,
     positions: Vec<Point>,
@@ -71,7 +69,7 @@ const MAX_MOVE: f64 = 0.5;
 
 impl<'a> System<'a> {
     fn new(mesh: &'a TriangleMesh, samples: &Samples<'_>) -> Self {
-        let face_normals = face_normals(mesh);
+        let face_normals = mesh.face_normals();
         let of_face = |face| {
             moments(
                 &mesh.triangle(face),
@@ -82,9 +80,9 @@ impl<'a> System<'a> {
         Self {
             moments: (0..mesh.face_count()).map(of_face).collect(),
             face_normals,
-            faces: vertex_faces(mesh),
-            neighbors: vertex_neighbors(mesh),
-            normals: vertex_normals(mesh),
+            faces: mesh.vertex_faces(),
+            neighbors: mesh.vertex_neighbors(),
+            normals: mesh.vertex_normals(),
             holds: Vec::new(),
             positions: mesh.positions().to_vec(),
             mesh,
@@ -94,7 +92,7 @@ impl<'a> System<'a> {
     /// Sets up what holds each vertex, its own distance to the surface included.
     fn hold(
         &mut self,
-        (original, surface): (&TriangleMesh, &TriangleTree),
+        surface: &TriangleTree,
         (kept, share): (&[Option<Kept>], f64),
         options: &Options,
     ) {
@@ -107,7 +105,7 @@ impl<'a> System<'a> {
                 || surface.closest(start),
                 |kept| surface.closest_from(start, kept.face),
             );
-            let corners = original.triangle(foot.face as usize);
+            let corners = surface.mesh().triangle(foot.face as usize);
             let square = |corner: &Point| (corner - start).norm_squared();
             let nearest = corners
                 .into_iter()
@@ -211,7 +209,7 @@ const MIN_COSINE: f64 = 0.3;
 /// that flip through that, and for vertices that went too far.
 fn unfolded(before: &TriangleMesh, mut positions: Vec<Point>) -> Vec<Point> {
     let start = before.positions();
-    let limit = MAX_MOVE * mean_edge(before);
+    let limit = MAX_MOVE * before.mean_edge();
     for (position, start) in positions.iter_mut().zip(start) {
         let moved = (*position - start).norm();
         if moved.is_nan() || limit < moved {
@@ -269,7 +267,7 @@ mod tests {
         let surface = TriangleTree::new(original).unwrap();
         let samples = Samples::new(original, simplified).unwrap();
         let options = Options::default();
-        fit(simplified, (original, &surface), (&samples, &[]), &options)
+        fit(simplified, &surface, (&samples, &[]), &options)
     }
 
     fn mean_distance(from: &TriangleMesh, to: &TriangleMesh) -> f64 {
@@ -294,7 +292,7 @@ mod tests {
         let original = bowl(60);
         let simplified = simplify(&original, None, &Target::to_faces(300)).mesh;
         let fitted = fitted(&original, &simplified);
-        let (neighbors, faces) = (vertex_neighbors(&simplified), vertex_faces(&simplified));
+        let (neighbors, faces) = (simplified.vertex_neighbors(), simplified.vertex_faces());
         let mut moved = 0;
         for (vertex, (before, after)) in simplified
             .positions()
@@ -307,10 +305,11 @@ mod tests {
             moved += usize::from(before != after);
         }
         assert!(100 < moved);
-        let turned = face_normals(&simplified)
+        let turned = simplified
+            .face_normals()
             .iter()
-            .zip(face_normals(&fitted))
-            .any(|(before, after)| before.dot(&after) < MIN_COSINE);
+            .zip(fitted.face_normals())
+            .any(|(before, after)| before.dot(after) < MIN_COSINE);
         assert!(!turned);
     }
 

@@ -86,18 +86,18 @@ pub(super) struct Kept {
     pub vertex: u32,
 }
 
-/// Refines `simplified`, which was made of `mesh`, whose surface is `surface`.
+/// Refines `simplified`, which was made of the mesh of `surface`.
 ///
 /// `kept` has the anchor of each vertex of `simplified`, and `previous_faces` are those of the
 /// mesh that the anchors come from. The number of faces and vertices stays, and so do the
 /// vertices of boundaries.
 pub(super) fn refine(
     simplified: TriangleMesh,
-    (mesh, surface): (&TriangleMesh, &TriangleTree),
+    surface: &TriangleTree,
     (kept, previous_faces): (&[Option<Kept>], &[Face]),
     options: &Options,
 ) -> TriangleMesh {
-    let Some(mut samples) = Samples::new(mesh, &simplified) else {
+    let Some(mut samples) = Samples::new(surface.mesh(), &simplified) else {
         return simplified;
     };
     let positions = simplified.positions().to_vec();
@@ -109,5 +109,5 @@ pub(super) fn refine(
         options.flip_tolerance,
     );
     let flipped = TriangleMesh::from_valid(positions, faces.into_faces());
-    fit::fit(&flipped, (mesh, surface), (&samples, kept), options)
+    fit::fit(&flipped, surface, (&samples, kept), options)
 }

@@ -1,6 +1,5 @@
 //! The mesh that was simplified, as points on the faces of the simplified one.
 
-use crate::mesh::{face_normals, vertex_normals};
 use crate::spatial::{TriangleTree, closest_point_on_triangle};
 use crate::{Point, TriangleMesh};
 
@@ -22,10 +21,10 @@ impl<'a> Samples<'a> {
     /// Finds the face of each vertex of `mesh`; `None` if `simplified` has none.
     pub fn new(mesh: &'a TriangleMesh, simplified: &TriangleMesh) -> Option<Self> {
         let tree = TriangleTree::new(simplified)?;
-        let (normals, face_normals) = (vertex_normals(mesh), face_normals(simplified));
+        let (normals, face_normals) = (mesh.vertex_normals(), simplified.face_normals());
         let mut of_faces = vec![Vec::new(); simplified.face_count()];
         let (mut count, mut sum, mut guess) = (0, 0.0, 0);
-        for (index, (point, normal)) in mesh.positions().iter().zip(&normals).enumerate() {
+        for (index, (point, normal)) in mesh.positions().iter().zip(normals).enumerate() {
             let closest = tree.closest_from(point, guess);
             guess = closest.face;
             if face_normals[closest.face as usize].dot(normal) < MIN_COSINE {
