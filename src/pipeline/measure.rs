@@ -38,9 +38,7 @@ pub fn add_distances(
         );
     }
     let to_output = match measured_of(vertices, mode) {
-        Cow::Borrowed(all) => {
-            vertex_to_surface_distances(all, current.mesh().faces(), output_surface)
-        }
+        Cow::Borrowed(_) => vertex_to_surface_distances(current.mesh(), output_surface),
         Cow::Owned(some) => surface_distances(&some, output_surface),
     };
     metrics.current_to_output = Some(statistics(&to_output));

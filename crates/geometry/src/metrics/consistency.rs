@@ -103,7 +103,7 @@ pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persis
 /// From the vertices and face centers of `from`. A center is looked for where one of its corners
 /// was found.
 fn mean_distance(from: &TriangleMesh, to: &TriangleTree) -> f64 {
-    let vertices = vertex_closest_points(from.positions(), from.faces(), to);
+    let vertices = vertex_closest_points(from, to);
     let of_vertices = vertices.iter().map(|found| found.distance);
     let of_centers = from.faces().iter().enumerate().map(|(index, face)| {
         let [a, b, c] = from.triangle(index);

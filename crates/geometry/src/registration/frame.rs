@@ -2,7 +2,6 @@
 
 use nalgebra::Isometry3;
 
-use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh};
 
 use super::error::MAX_SIZE_FACTOR;
@@ -64,7 +63,7 @@ pub fn register(
     let mut mesh = moved
         .with_positions(deformed.positions)
         .map_err(|_| RegistrationError::NotFinite { step: "non-rigid" })?;
-    let mut closest = closest_points(&mesh, target);
+    let mut closest = target.near_vertices_of(&mesh);
     let rigid_sum: f64 = deformed.samples.iter().map(|sample| sample.distance).sum();
     let deformed_sum: f64 = deformed
         .samples
@@ -74,7 +73,7 @@ pub fn register(
     let rigid_only = rigid_sum < deformed_sum;
     if rigid_only {
         mesh = moved;
-        closest = closest_points(&mesh, target);
+        closest = target.near_vertices_of(&mesh);
     }
     membrane::settle(&mut mesh, &mut closest, target, &options.membrane);
     Ok(Registration {
@@ -88,24 +87,6 @@ pub fn register(
         rigid_only,
         residuals: closest.iter().map(|found| found.distance).collect(),
     })
-}
-
-/// What is so much further from the surface than its neighbor may have been led to another sheet.
-const LARGEST_GROWTH: f64 = 3.0;
-
-/// The closest point to every vertex, each looked for where a neighbor was found.
-fn closest_points(mesh: &TriangleMesh, target: &Target) -> Vec<SurfacePoint> {
-    let neighbors = mesh.vertex_neighbors();
-    let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
-    for (vertex, position) in mesh.positions().iter().enumerate() {
-        let lowest = neighbors.row(vertex).first();
-        let near = lowest.and_then(|&neighbor| found.get(neighbor as usize));
-        found.push(match near {
-            Some(near) => target.closest_near(position, near.face, LARGEST_GROWTH * near.distance),
-            None => target.surface().closest(position),
-        });
-    }
-    found
 }
 
 fn check_size(source: &TriangleMesh, target: &Target) -> Result<(), RegistrationError> {

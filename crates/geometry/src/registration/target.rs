@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::spatial::{Feature, SurfacePoint, TriangleTree};
+use crate::spatial::{SurfacePoint, TriangleTree, near_vertices, straight_walk};
 use crate::{Point, TriangleMesh, Vector};
 
 use super::RegistrationError;
@@ -15,9 +15,6 @@ pub struct Target {
     diagonal: f64,
     centroid: Point,
 }
-
-/// Faces that are crossed at the most before the whole surface is searched.
-const MAX_STEPS: usize = 8;
 
 /// How close, in mean edges, a point straight below counts without a look at the rest.
 const NEAR: f64 = 0.15;
@@ -54,42 +51,23 @@ impl Target {
         (found, self.normal(found.face))
     }
 
-    /// About the same, found from face to face from `guess` on: the point straight below `query` on
-    /// the face where the way ends, if that is closer than `limit` and a seventh of a mean edge. It
-    /// is the closest one of the sheet of surface that `guess` is on. Where the way ends otherwise,
-    /// the closest point of all.
+    /// About the same, found by walking from `guess` to the face that `query` is straight above, if
+    /// that is closer than `limit` and a seventh of a mean edge. Where the way ends otherwise, the
+    /// closest point of all.
     ///
     /// # Panics
     ///
     /// If there is no such face.
     pub(super) fn closest_near(&self, query: &Point, guess: u32, limit: f64) -> SurfacePoint {
-        let (mut nearest, mut feature) = self.tree.on_face(query, guess);
-        for _ in 0..MAX_STEPS {
-            let corners = self.mesh.faces()[nearest.face as usize];
-            let (corner, shared) = match feature {
-                Feature::Inside => break,
-                Feature::Corner(corner) => (corners[corner], None),
-                Feature::Edge(from) => (corners[from], Some(corners[(from + 1) % 3])),
-            };
-            let distance = nearest.distance;
-            for &face in self.mesh.vertex_faces().row(corner as usize) {
-                let meets =
-                    shared.is_none_or(|other| self.mesh.faces()[face as usize].contains(&other));
-                if meets && face != nearest.face {
-                    let (found, at) = self.tree.on_face(query, face);
-                    if found.distance < nearest.distance {
-                        (nearest, feature) = (found, at);
-                    }
-                }
-            }
-            if distance <= nearest.distance {
-                break;
-            }
-        }
-        if feature == Feature::Inside && nearest.distance <= limit.min(NEAR * self.mean_edge()) {
-            return nearest;
-        }
-        self.tree.closest_from(query, nearest.face)
+        let near = limit.min(NEAR * self.mean_edge());
+        straight_walk(&self.mesh, query, guess)
+            .filter(|found| found.distance <= near)
+            .unwrap_or_else(|| self.tree.closest_from(query, guess))
+    }
+
+    /// The same for every vertex of `mesh`, from where a neighbor's was found.
+    pub(super) fn near_vertices_of(&self, mesh: &TriangleMesh) -> Vec<SurfacePoint> {
+        near_vertices(mesh, &self.tree, NEAR * self.mean_edge())
     }
 
     /// The unit normal of a face; zero if it has none.

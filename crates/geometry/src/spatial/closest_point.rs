@@ -2,17 +2,6 @@
 
 use crate::Point;
 
-/// Where on a triangle a point is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Feature {
-    /// At this corner.
-    Corner(usize),
-    /// On the edge from this corner to the next.
-    Edge(usize),
-    /// Within.
-    Inside,
-}
-
 /// The point of triangle `[a, b, c]` that is closest to `point`.
 ///
 /// Works for degenerate triangles too, which are then a segment or a point.
@@ -23,44 +12,37 @@ pub(crate) enum Feature {
 /// triangle's features in which the point lies decides.
 #[must_use]
 #[inline]
-pub fn closest_point_on_triangle(point: &Point, triangle: &[Point; 3]) -> Point {
-    closest_feature(point, triangle).0
-}
-
-/// The same, and where on the triangle that is.
-#[inline]
-pub(crate) fn closest_feature(point: &Point, &[a, b, c]: &[Point; 3]) -> (Point, Feature) {
+pub fn closest_point_on_triangle(point: &Point, &[a, b, c]: &[Point; 3]) -> Point {
     let (ab, ac, ap) = (b - a, c - a, point - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
     if d1 <= 0.0 && d2 <= 0.0 {
-        return (a, Feature::Corner(0));
+        return a;
     }
     let bp = point - b;
     let (d3, d4) = (ab.dot(&bp), ac.dot(&bp));
     if 0.0 <= d3 && d4 <= d3 {
-        return (b, Feature::Corner(1));
+        return b;
     }
     let vc = d1 * d4 - d3 * d2;
     if vc <= 0.0 && 0.0 <= d1 && d3 <= 0.0 {
-        return (a + ab * ratio(d1, d1 - d3), Feature::Edge(0));
+        return a + ab * ratio(d1, d1 - d3);
     }
     let cp = point - c;
     let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
     if 0.0 <= d6 && d5 <= d6 {
-        return (c, Feature::Corner(2));
+        return c;
     }
     let vb = d5 * d2 - d1 * d6;
     if vb <= 0.0 && 0.0 <= d2 && d6 <= 0.0 {
-        return (a + ac * ratio(d2, d2 - d6), Feature::Edge(2));
+        return a + ac * ratio(d2, d2 - d6);
     }
     let va = d3 * d6 - d5 * d4;
     if va <= 0.0 && 0.0 <= d4 - d3 && 0.0 <= d5 - d6 {
         let share = ratio(d4 - d3, (d4 - d3) + (d5 - d6));
-        return (b + (c - b) * share, Feature::Edge(1));
+        return b + (c - b) * share;
     }
     let sum = va + vb + vc;
-    let inside = a + ab * ratio(vb, sum) + ac * ratio(vc, sum);
-    (inside, Feature::Inside)
+    a + ab * ratio(vb, sum) + ac * ratio(vc, sum)
 }
 
 /// `part / whole`, and 0 where both are nothing (an edge without length).

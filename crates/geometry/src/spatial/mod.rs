@@ -2,13 +2,16 @@
 
 mod box_tree;
 mod closest_point;
+mod near_vertices;
 mod point_tree;
+mod straight_walk;
 mod triangle_pack;
 mod triangle_tree;
 mod vertex_tree;
 
-pub(crate) use closest_point::Feature;
 pub use closest_point::{barycentric, closest_point_on_triangle};
+pub(crate) use near_vertices::{lowest_neighbors, near_vertices};
 pub use point_tree::PointTree;
+pub(crate) use straight_walk::straight_walk;
 pub use triangle_tree::{SurfacePoint, TriangleTree};
 pub use vertex_tree::VertexTree;

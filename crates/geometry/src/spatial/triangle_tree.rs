@@ -5,8 +5,8 @@ use wide::f32x8;
 use crate::{Point, TriangleMesh};
 
 use super::box_tree::{Bounds, BoxTree, nearest_of};
-use super::closest_point::{Feature, closest_feature};
 use super::closest_point_on_triangle;
+use super::straight_walk::straight_below;
 use super::triangle_pack::{PACK, TrianglePack};
 
 /// The point of a surface that is closest to a query.
@@ -120,12 +120,12 @@ impl TriangleTree {
     /// The point of the surface closest to `query`.
     #[must_use]
     pub fn closest(&self, query: &Point) -> SurfacePoint {
-        self.closest_below(query, f64::INFINITY)
-            .unwrap_or(SurfacePoint {
-                position: self.mesh.triangle(0)[0],
-                face: 0,
-                distance: f64::INFINITY,
-            })
+        let anything = SurfacePoint {
+            position: self.mesh.triangle(0)[0],
+            face: 0,
+            distance: f64::INFINITY,
+        };
+        self.closer_than(anything, NONE, query)
     }
 
     /// The same, told a face that is probably near: the answer of the last search for a query
@@ -138,25 +138,12 @@ impl TriangleTree {
     #[must_use]
     pub fn closest_from(&self, query: &Point, guess: u32) -> SurfacePoint {
         let position = closest_point_on_triangle(query, &self.mesh.triangle(guess as usize));
-        let distance = (query - position).norm();
         let guessed = SurfacePoint {
             position,
             face: guess,
-            distance,
+            distance: (query - position).norm(),
         };
-        self.closest_below(query, distance).unwrap_or(guessed)
-    }
-
-    /// The point of a face closest to `query`, and where on the face that is.
-    pub(crate) fn on_face(&self, query: &Point, face: u32) -> (SurfacePoint, Feature) {
-        let (position, feature) = closest_feature(query, &self.mesh.triangle(face as usize));
-        let distance = (query - position).norm();
-        let found = SurfacePoint {
-            position,
-            face,
-            distance,
-        };
-        (found, feature)
+        self.closer_than(guessed, guess, query)
     }
 
     /// The foot of the perpendicular from `query` to the plane of a face, if it is on the face.
@@ -166,30 +153,16 @@ impl TriangleTree {
     /// If there is no such face.
     #[must_use]
     pub fn straight_below(&self, query: &Point, face: u32) -> Option<SurfacePoint> {
-        let [a, b, c] = self.mesh.triangle(face as usize);
-        let (ab, ac, ap) = (b - a, c - a, query - a);
-        let normal = ab.cross(&ac);
-        let square = normal.norm_squared();
-        let (u, v) = (
-            ap.cross(&ac).dot(&normal) / square,
-            ab.cross(&ap).dot(&normal) / square,
-        );
-        let height = ap.dot(&normal);
-        // A face without area makes these NaN, which is not on it.
-        (0.0 <= u && 0.0 <= v && u + v <= 1.0).then(|| SurfacePoint {
-            position: query - normal * (height / square),
-            face,
-            distance: height.abs() / square.sqrt(),
-        })
+        straight_below(&self.mesh, query, face)
     }
 
-    /// The point of the surface closest to `query`, if it is closer than `limit`.
+    /// The point of the surface closest to `query`, or `known`, if none is closer than that; the
+    /// face that was `tried` for it is left out.
     ///
-    /// A tight limit saves most of the search.
-    #[must_use]
-    pub fn closest_below(&self, query: &Point, limit: f64) -> Option<SurfacePoint> {
+    /// A close one saves most of the search.
+    fn closer_than(&self, known: SurfacePoint, tried: u32, query: &Point) -> SurfacePoint {
         let relative = relative(query, &self.origin, self.scale);
-        let mut best = Best::below(query, &relative, limit, self);
+        let mut best = Best::of(known, tried, query, &relative, self);
         if best.extent < FAR_AWAY {
             self.boxes
                 .visit_nearest(&relative, best.box_bound(), |pack| {
@@ -199,17 +172,19 @@ impl TriangleTree {
         } else {
             (0..self.mesh.face_count() as u32).for_each(|face| best.try_face(face));
         }
-        best.found.map(|(position, face)| SurfacePoint {
-            position,
-            face,
+        SurfacePoint {
             distance: best.square.sqrt(),
-        })
+            ..best.found
+        }
     }
 }
 
 /// Boxes are grown by more than their own rounding; this factor on the squared distance covers
 /// that of the distance itself and of a query's coordinates away from the mesh.
 const BOUND_MARGIN: f64 = 1.0 + 4e-5;
+
+/// The number of no face.
+const NONE: u32 = u32::MAX;
 
 /// The closest point that a search has found.
 struct Best<'a> {
@@ -220,18 +195,27 @@ struct Best<'a> {
     extent: f32,
     /// Of the distance.
     square: f64,
-    found: Option<(Point, u32)>,
+    found: SurfacePoint,
+    /// A face that is not looked at again.
+    tried: u32,
 }
 
 impl<'a> Best<'a> {
-    fn below(query: &'a Point, relative: &[f32; 3], limit: f64, tree: &'a TriangleTree) -> Self {
+    fn of(
+        found: SurfacePoint,
+        tried: u32,
+        query: &'a Point,
+        relative: &[f32; 3],
+        tree: &'a TriangleTree,
+    ) -> Self {
         Self {
             query,
             tree,
             lanes: relative.map(f32x8::splat),
             extent: relative.iter().fold(0.0, |most, c| c.abs().max(most)),
-            square: limit * limit,
-            found: None,
+            square: found.distance * found.distance,
+            found,
+            tried,
         }
     }
 
@@ -258,8 +242,9 @@ impl<'a> Best<'a> {
             left &= !(1 << lane);
             let slot = PACK * number as usize + lane as usize;
             // Lanes that stand for missing triangles have no face.
-            if let Some(&face) = self.tree.boxes.items().get(slot) {
-                self.try_face(face);
+            match self.tree.boxes.items().get(slot) {
+                Some(&face) if face != self.tried => self.try_face(face),
+                Some(_) | None => {}
             }
         }
     }
@@ -271,7 +256,8 @@ impl<'a> Best<'a> {
         let square = (self.query - position).norm_squared();
         if square < self.square {
             self.square = square;
-            self.found = Some((position, face));
+            self.found.position = position;
+            self.found.face = face;
         }
     }
 }
@@ -367,15 +353,5 @@ mod tests {
         assert!((above.position - Point::new(0.25, 0.5, 0.0)).norm() < 1e-12);
         assert!((above.distance - 2.0).abs() < 1e-12);
         assert!(tree.straight_below(&Point::new(0.6, 0.6, 1.0), 0).is_none());
-    }
-
-    #[test]
-    fn nothing_is_found_below_a_limit_that_is_too_small() {
-        let mesh = cloud_of_triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], 1.0);
-        let tree = TriangleTree::new(&mesh).unwrap();
-        assert!(
-            tree.closest_below(&Point::new(0.0, 0.0, 1.0), 0.5)
-                .is_none()
-        );
     }
 }

@@ -1,6 +1,6 @@
 //! The mesh that was simplified, as points on the faces of the simplified one.
 
-use crate::spatial::{TriangleTree, closest_point_on_triangle};
+use crate::spatial::{TriangleTree, closest_point_on_triangle, near_vertices};
 use crate::{Point, TriangleMesh};
 
 /// The vertices of a mesh, each with the face of the simplified mesh that is closest to it.
@@ -17,16 +17,19 @@ pub(super) struct Samples<'a> {
 /// nearest may be the other side of a thin part.
 const MIN_COSINE: f64 = 0.2;
 
+/// How close, in mean edges, a vertex is to a face that it is straight above for that to count
+/// without a look at the rest.
+const NEAR: f64 = 0.15;
+
 impl<'a> Samples<'a> {
     /// Finds the face of each vertex of `mesh`; `None` if `simplified` has none.
     pub fn new(mesh: &'a TriangleMesh, simplified: &TriangleMesh) -> Option<Self> {
         let tree = TriangleTree::new(simplified)?;
         let (normals, face_normals) = (mesh.vertex_normals(), simplified.face_normals());
         let mut of_faces = vec![Vec::new(); simplified.face_count()];
-        let (mut count, mut sum, mut guess) = (0, 0.0, 0);
-        for (index, (point, normal)) in mesh.positions().iter().zip(normals).enumerate() {
-            let closest = tree.closest_from(point, guess);
-            guess = closest.face;
+        let (mut count, mut sum) = (0, 0.0);
+        let found = near_vertices(mesh, &tree, NEAR * simplified.mean_edge());
+        for (index, (closest, normal)) in found.iter().zip(normals).enumerate() {
             if face_normals[closest.face as usize].dot(normal) < MIN_COSINE {
                 continue;
             }

@@ -1,0 +1,42 @@
+//! The points of a surface that a mesh's vertices stand on.
+
+use crate::TriangleMesh;
+
+use super::{SurfacePoint, TriangleTree, straight_walk};
+
+/// What is so much further from the surface than its neighbor may have been led to another sheet.
+const LARGEST_GROWTH: f64 = 3.0;
+
+/// For every vertex of `mesh` the point of `surface` below it, on the sheet on which its neighbors
+/// are: found by walking from where a neighbor's was. Where the way ends on no face, further away
+/// than `reach`, or much further away than the neighbor, it is the closest point of all.
+pub(crate) fn near_vertices(
+    mesh: &TriangleMesh,
+    surface: &TriangleTree,
+    reach: f64,
+) -> Vec<SurfacePoint> {
+    let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
+    for (position, neighbor) in mesh.positions().iter().zip(lowest_neighbors(mesh)) {
+        found.push(match found.get(neighbor as usize) {
+            Some(near) => straight_walk(surface.mesh(), position, near.face)
+                .filter(|below| below.distance <= reach.min(LARGEST_GROWTH * near.distance))
+                .unwrap_or_else(|| surface.closest_from(position, near.face)),
+            // A vertex that is lower than its neighbors.
+            None => surface.closest(position),
+        });
+    }
+    found
+}
+
+/// The lowest-numbered neighbor of every vertex, or the vertex itself where that is lower.
+pub(crate) fn lowest_neighbors(mesh: &TriangleMesh) -> Vec<u32> {
+    let mut lowest: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
+    for face in mesh.faces() {
+        let first = face[0].min(face[1]).min(face[2]);
+        for &corner in face {
+            let neighbor = &mut lowest[corner as usize];
+            *neighbor = first.min(*neighbor);
+        }
+    }
+    lowest
+}
