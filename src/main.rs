@@ -3,5 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    steadymesh_heap::keep();
     steadymesh::cli::run()
 }
