@@ -10,7 +10,7 @@ use steadymesh_geometry::metrics::{
     DistanceStatistics, consistency, surface_distances, vertex_distances,
 };
 use steadymesh_geometry::registration::carry;
-use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
+use steadymesh_geometry::spatial::{TriangleTree, VertexTree, closest_to_vertices};
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_mesh_io::{Format, Limits, Mesh, obj, read};
 use steadymesh_synthetic_rig as rig;
@@ -246,7 +246,11 @@ fn the_consistency_is_that_of_the_written_meshes() {
             let registered = mesh(&done.path(&format!("registered/frame{frame}.ply")));
             let before = done.simplified(mode, frame - 1);
             let surface = TriangleTree::new(&source).unwrap();
-            let carried = carry(before.positions(), (&source, &surface), &registered);
+            let carried = carry(
+                before.positions(),
+                &closest_to_vertices(&before, &surface),
+                (&source, &registered),
+            );
             let carried = carried.into_iter().map(|vertex| vertex.position).collect();
             let carried = before.with_positions(carried).unwrap();
             let expected = consistency(&carried, &done.simplified(mode, frame)).unwrap();

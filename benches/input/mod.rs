@@ -5,14 +5,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use steadymesh::pipeline::{
-    self, PreparedFrame, Previous, RawFrame, Settings, TargetSize, add_distances,
+    self, Output, PreparedFrame, Previous, RawFrame, Settings, TargetSize, add_distances,
 };
 use steadymesh_draco::{DecodeLimits, EncodeOptions, MeshView};
 use steadymesh_geometry::mesh::repair::repair;
 use steadymesh_geometry::metrics::consistency_with_surface;
 use steadymesh_geometry::registration::{self, Carried, Target};
 use steadymesh_geometry::simplification::{Anchors, Options, anchors, simplify, simplify_anchored};
-use steadymesh_geometry::spatial::TriangleTree;
+use steadymesh_geometry::spatial::{TriangleTree, closest_to_vertices};
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_mesh_io::{Format, Limits, Mesh, glb, obj, ply, read};
 use steadymesh_proto::FrameMetrics;
@@ -169,7 +169,7 @@ impl Alone {
 pub struct Together {
     raw: RawFrame,
     previous: PreparedFrame,
-    previous_output: TriangleMesh,
+    previous_output: Output,
     current: PreparedFrame,
     surface: Arc<TriangleTree>,
     registered: TriangleMesh,
@@ -193,7 +193,9 @@ impl Together {
         let found = registration::register(source, &target, &options).expect("the frames fit");
         let registered = moved(source, found.positions);
         let previous_output = simplify(source, None, &tenth(source)).mesh;
-        let carried = registration::carry(previous_output.positions(), &tree(source), &registered);
+        let feet = closest_to_vertices(&previous_output, &tree(source));
+        let points = previous_output.positions();
+        let carried = registration::carry(points, &feet, (source, &registered));
         let positions = carried.iter().map(|vertex| vertex.position).collect();
         Self {
             raw: alone.raw.clone(),
@@ -201,7 +203,7 @@ impl Together {
             registered_surface: tree(&registered),
             registered,
             carried,
-            previous_output,
+            previous_output: previous_output.into(),
             previous,
             surface,
             current,
@@ -249,10 +251,10 @@ impl Together {
     fn measure(&self, mode: MetricsMode) {
         let surface = TriangleTree::new(&self.output).expect("the output has faces");
         let mut metrics = FrameMetrics::default();
-        let registered = Some((&self.registered, &self.registered_surface));
-        let output = (&self.output, &surface);
-        add_distances(&mut metrics, output, &self.current, registered, mode);
-        let consistency = consistency_with_surface(&self.carried_mesh, &self.output, &surface);
+        let output = Output::from(self.output.clone());
+        let frames = (&self.current, Some(&self.registered_surface));
+        add_distances(&mut metrics, (&output, &surface), frames, mode);
+        let consistency = consistency_with_surface(&self.carried_mesh, &surface);
         drop(black_box((metrics, consistency)));
     }
 

@@ -6,14 +6,14 @@ use std::time::Instant;
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{glb, obj, ply};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::stream::MetricsMode;
 use steadymesh_proto::wording::counted;
 
 use crate::pipeline::{
-    PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, TrackingStrength, process,
+    Output, PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, TrackingStrength,
+    process,
 };
 use crate::stopwatch::{Stopwatch, microseconds};
 
@@ -104,7 +104,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let mut metrics_file = arguments.metrics.as_deref().map(create).transpose()?;
     let progress = progress_bar(files.len() as u64);
-    let mut previous: Option<(PreparedFrame, TriangleMesh)> = None;
+    let mut previous: Option<(PreparedFrame, Output)> = None;
     for (seq, (file, name)) in files.iter().zip(&names).enumerate() {
         let seq = seq as u64;
         let before = previous.as_ref().map(|(frame, output)| Previous {
@@ -124,7 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
                 .context("the metrics cannot be written")?;
         }
         warn_about(file, &out.metrics);
-        previous = Some((current, out.mesh));
+        previous = Some((current, out.output));
         progress.inc(1);
     }
     if let Some(mut metrics_file) = metrics_file {
@@ -186,15 +186,15 @@ fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyho
     let bytes = match format {
         OutputFormat::Drc => &out.draco,
         OutputFormat::Glb => {
-            encoded = glb::write(&to_file_mesh(&out.mesh));
+            encoded = glb::write(&to_file_mesh(&out.output.mesh));
             &encoded
         }
         OutputFormat::Ply => {
-            encoded = ply::write(&to_file_mesh(&out.mesh));
+            encoded = ply::write(&to_file_mesh(&out.output.mesh));
             &encoded
         }
         OutputFormat::Obj => {
-            encoded = obj::write(&to_file_mesh(&out.mesh));
+            encoded = obj::write(&to_file_mesh(&out.output.mesh));
             &encoded
         }
     };

@@ -72,7 +72,7 @@ struct RunUnderWay {
     distribution: ByMeasure<ByFrame<Distribution>>,
     snapshots: Vec<Snapshot>,
     /// The number of the last frame that was simplified, and what became of it.
-    last: Option<(u64, TriangleMesh)>,
+    last: Option<(u64, crate::pipeline::Output)>,
 }
 
 /// One simplified frame and its raw distances.
@@ -241,36 +241,39 @@ impl RunUnderWay {
             true_motion,
         } = pair.frames;
         let before = match self.last.take() {
-            Some((last, mesh)) if last + 1 == seq => mesh,
+            Some((last, output)) if last + 1 == seq => output,
             // A first frame is the original QEM in every mode.
-            _ => process(previous, None, settings, &mut ())?.mesh,
+            _ => process(previous, None, settings, &mut ())?.output,
         };
         let carried = pair.registered.as_ref().map(|r| r.carry(&before));
-        let carried_truly = true_motion.and_then(|carry| carry(&before));
+        let carried_truly = true_motion.and_then(|carry| carry(&before.mesh));
         let registered = pair.registered.clone();
         let out = process_registered(current, registered, Some(&before), settings, &mut ())?;
-        let distances = pair.references.as_ref().and_then(|r| measure(&out.mesh, r));
+        let distances = pair
+            .references
+            .as_ref()
+            .and_then(|r| measure(&out.output.mesh, r));
         let output = Output {
             psnr: pair.clouds.as_ref().and_then(|clouds| {
-                let of_output = Clouds::new(&out.mesh)?;
+                let of_output = Clouds::new(&out.output.mesh)?;
                 Some(clouds.psnr(&of_output, pair.diagonal))
             }),
             consistency: carried
                 .as_ref()
-                .and_then(|carried| consistency_of(carried.mesh()?, &out.mesh)),
+                .and_then(|carried| consistency_of(carried.mesh()?, &out.output.mesh)),
             known_motion_consistency: carried_truly
                 .as_ref()
-                .and_then(|carried| consistency_of(carried, &out.mesh)),
+                .and_then(|carried| consistency_of(carried, &out.output.mesh)),
             ..output(seq, &out, distances.as_ref())
         };
         if let Some(distances) = distances.as_ref().filter(|_| is_pictured) {
             let carried = carried.as_ref().and_then(|carried| carried.mesh());
             let carried = carried_truly.as_ref().or(carried);
             let distances = (distances, pair.diagonal);
-            let snapshot = Snapshot::take(seq, &out.mesh, carried, distances);
+            let snapshot = Snapshot::take(seq, &out.output.mesh, carried, distances);
             self.snapshots.push(snapshot);
         }
-        self.last = Some((seq, out.mesh));
+        self.last = Some((seq, out.output));
         Ok(Measured { output, distances })
     }
 
@@ -370,7 +373,7 @@ fn output(seq: u64, out: &ProcessedFrame, distances: Option<&Distances>) -> Outp
         target_reached: figures.target_reached,
         bytes: figures.bytes,
         mbit_per_second: 8e-6 * figures.bytes as f64 * FRAMES_PER_SECOND,
-        non_manifold_edges: EdgeTable::of(out.mesh.faces()).non_manifold_count(),
+        non_manifold_edges: EdgeTable::of(out.output.mesh.faces()).non_manifold_count(),
         distances: distances.map(summed_up),
         hausdorff: distances.map(hausdorff),
         ..Output::default()

@@ -2,39 +2,50 @@
 
 use std::borrow::Cow;
 
+use steadymesh_geometry::Point;
 use steadymesh_geometry::metrics::{
     DistanceStatistics, surface_distances, vertex_distances, vertex_to_surface_distances,
 };
 use steadymesh_geometry::registration::Registration;
 use steadymesh_geometry::spatial::{TriangleTree, VertexTree};
-use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::metrics::{self, DistancePair, FrameMetrics, Residual, Statistics};
 use steadymesh_proto::stream::MetricsMode;
 
-use super::PreparedFrame;
+use super::{Output, PreparedFrame};
 
 /// Fills in the distances of `output` to `current` and to `registered`, and those of `current`
 /// to `output`.
 ///
-/// `output` is the mesh that players see, after quantization; it and `registered` come with their
-/// surfaces. `mode` says from which vertices.
+/// `output`, the mesh that players see, after quantization, comes with its surface, and
+/// `registered` is one. `mode` says from which vertices.
 pub fn add_distances(
     metrics: &mut FrameMetrics,
-    (output, output_surface): (&TriangleMesh, &TriangleTree),
-    current: &PreparedFrame,
-    registered: Option<(&TriangleMesh, &TriangleTree)>,
+    (output, output_surface): (&Output, &TriangleTree),
+    (current, registered): (&PreparedFrame, Option<&TriangleTree>),
     mode: MetricsMode,
 ) {
-    let from = measured_of(output.positions(), mode);
+    let from = measured_of(output.mesh.positions(), mode);
     let vertices = current.mesh().positions();
+    let to_current = |surface| {
+        let feet = output.feet_on(surface);
+        let distances: Vec<f64> = feet.iter().map(|foot| foot.distance).collect();
+        statistics(&distances)
+    };
+    let to_registered = |surface| {
+        let distances = match &from {
+            Cow::Borrowed(_) => vertex_to_surface_distances(&output.mesh, surface),
+            Cow::Owned(some) => surface_distances(some, surface),
+        };
+        statistics(&distances)
+    };
     metrics.surface_distance = pair(
-        current.surface().map(|surface| to_surface(&from, surface)),
-        registered.map(|(_, surface)| to_surface(&from, surface)),
+        current.surface().map(|surface| to_current(surface)),
+        registered.map(to_registered),
     );
     if mode == MetricsMode::Full {
         metrics.vertex_distance = pair(
             to_vertices(&from, vertices),
-            registered.and_then(|(mesh, _)| to_vertices(&from, mesh.positions())),
+            registered.and_then(|surface| to_vertices(&from, surface.mesh().positions())),
         );
     }
     let to_output = match measured_of(vertices, mode) {
@@ -60,11 +71,6 @@ fn measured_of(points: &[Point], mode: MetricsMode) -> Cow<'_, [Point]> {
 
 fn pair(current: Option<Statistics>, previous: Option<Statistics>) -> Option<DistancePair> {
     current.map(|current| DistancePair { previous, current })
-}
-
-/// From each of `points` to a surface.
-fn to_surface(points: &[Point], surface: &TriangleTree) -> Statistics {
-    statistics(&surface_distances(points, surface))
 }
 
 /// From each of `points` to the nearest of `vertices`.

@@ -7,6 +7,7 @@
 //! [`StageObserver`] that has a clock.
 
 mod measure;
+mod output;
 mod prepare;
 mod process;
 mod quality;
@@ -15,6 +16,7 @@ mod scene_cut;
 mod settings;
 
 pub use measure::{add_distances, statistics};
+pub use output::Output;
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};
 pub use process::{
     Previous, ProcessFailed, ProcessedFrame, REGISTRATION_FAILED, process, process_registered,

@@ -7,11 +7,11 @@ use steadymesh_geometry::simplification::{
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::FrameMetrics;
-use steadymesh_proto::metrics::{Output, Tracking};
+use steadymesh_proto::metrics::{self, Tracking};
 use steadymesh_proto::stream::MetricsMode;
 
 use super::register::CarriedOutput;
-use super::{PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
+use super::{Output, PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
 
 /// What becomes of a frame.
 #[derive(Debug, Clone)]
@@ -20,8 +20,8 @@ pub struct ProcessedFrame {
     pub metrics: FrameMetrics,
     /// The simplified mesh in Draco.
     pub draco: Vec<u8>,
-    /// The simplified mesh as players see it: decoded from `draco`.
-    pub mesh: TriangleMesh,
+    /// The simplified mesh, as players see it.
+    pub output: Output,
     /// The previous frame, registered onto this one, in the precision in which it can be
     /// written; none for a first frame, after a reset, or if neither tracking nor the metrics
     /// had a use for it.
@@ -59,8 +59,8 @@ pub enum ProcessFailed {
 pub struct Previous<'a> {
     /// The frame before.
     pub frame: &'a PreparedFrame,
-    /// What became of it: its [`ProcessedFrame::mesh`].
-    pub output: Option<&'a TriangleMesh>,
+    /// What became of it.
+    pub output: Option<&'a Output>,
 }
 
 /// Registers the previous frame onto `current`, simplifies `current` and measures the result.
@@ -106,7 +106,7 @@ pub fn process(
 pub fn process_registered(
     current: &PreparedFrame,
     registered: Option<Registered>,
-    previous_output: Option<&TriangleMesh>,
+    previous_output: Option<&Output>,
     settings: &Settings,
     observer: &mut impl StageObserver,
 ) -> Result<ProcessedFrame, ProcessFailed> {
@@ -135,7 +135,7 @@ pub fn process_registered(
     observer.ended(Stage::Simplify);
 
     let (draco, mesh) = encode(&simplified.mesh, settings)?;
-    metrics.output = Output {
+    metrics.output = metrics::Output {
         vertices: mesh.vertex_count(),
         faces: mesh.face_count(),
         bytes: draco.len(),
@@ -143,19 +143,27 @@ pub fn process_registered(
     };
     observer.ended(Stage::Encode);
 
+    let output = match current.surface() {
+        Some(surface) if settings.carries_output() => Output::on(surface, mesh),
+        Some(_) | None => Output::from(mesh),
+    };
     let measured = settings.metrics != MetricsMode::Off;
     // A mesh without faces, which does not come this far, has no figures.
-    if let Some(surface) = measured.then(|| TriangleTree::new(&mesh)).flatten() {
-        let previous = registered.as_ref().zip(registered_surface.as_deref());
-        let output = (&mesh, &surface);
-        measure::add_distances(&mut metrics, output, current, previous, settings.metrics);
-        metrics.consistency = carried.and_then(|carried| carried.consistency(&mesh, &surface));
+    if let Some(surface) = measured.then(|| TriangleTree::new(&output.mesh)).flatten() {
+        let previous = registered_surface.as_deref();
+        measure::add_distances(
+            &mut metrics,
+            (&output, &surface),
+            (current, previous),
+            settings.metrics,
+        );
+        metrics.consistency = carried.and_then(|carried| carried.consistency(&surface));
     }
     observer.ended(Stage::Measure);
     Ok(ProcessedFrame {
         metrics,
         draco,
-        mesh,
+        output,
         registered,
     })
 }

@@ -9,7 +9,7 @@ use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
 
 use super::scene_cut::{SceneCut, Surface, scene_cut};
-use super::{PreparedFrame, measure};
+use super::{Output, PreparedFrame, measure};
 
 /// A previous frame that has been registered onto the current one.
 #[derive(Debug, Clone)]
@@ -35,12 +35,14 @@ impl Registered {
 
     /// Carries the previous frame's result along.
     #[must_use]
-    pub fn carry(&self, previous_output: &TriangleMesh) -> CarriedOutput {
+    pub fn carry(&self, previous: &Output) -> CarriedOutput {
         let source = self.source_surface.as_ref();
-        let vertices = registration::carry(previous_output.positions(), source, &self.mesh);
+        let feet = previous.feet_on(source);
+        let points = previous.mesh.positions();
+        let vertices = registration::carry(points, &feet, (source.mesh(), &self.mesh));
         let positions = vertices.iter().map(|vertex| vertex.position).collect();
         CarriedOutput {
-            mesh: previous_output.with_positions(positions).ok(),
+            mesh: previous.mesh.with_positions(positions).ok(),
             vertices,
         }
     }
@@ -61,15 +63,11 @@ impl CarriedOutput {
         self.mesh.as_ref()
     }
 
-    /// What of it is found again in `output`, which comes with its surface; none if there is
-    /// nothing to compare.
+    /// What of it is found again in the output that has this surface; none if there is nothing to
+    /// compare.
     #[must_use]
-    pub fn consistency(
-        &self,
-        output: &TriangleMesh,
-        surface: &TriangleTree,
-    ) -> Option<metrics::Consistency> {
-        let found = consistency_with_surface(self.mesh.as_ref()?, output, surface)?;
+    pub fn consistency(&self, output: &TriangleTree) -> Option<metrics::Consistency> {
+        let found = consistency_with_surface(self.mesh.as_ref()?, output)?;
         Some(metrics::Consistency {
             vertex_persistence: found.vertex_persistence,
             edge_persistence: found.edge_persistence,

@@ -1,4 +1,3 @@
-use steadymesh_geometry::TriangleMesh;
 use steadymesh_proto::metrics::Tracking;
 use steadymesh_synthetic_rig as rig;
 
@@ -46,7 +45,7 @@ fn after(frame: &PreparedFrame) -> Previous<'_> {
 #[test]
 fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
     let frames = frames(2);
-    let process_with = |tracking, current: &PreparedFrame, output: &TriangleMesh| {
+    let process_with = |tracking, current: &PreparedFrame, output: &Output| {
         let previous = Previous {
             frame: &frames[0],
             output: Some(output),
@@ -56,7 +55,7 @@ fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
     let first = process(&frames[0], None, &settings(Tracking::Robust), &mut ()).unwrap();
     assert_eq!(first.metrics.tracking, Tracking::Off);
     let persistence = |tracking| {
-        let out = process_with(tracking, &frames[1], &first.mesh);
+        let out = process_with(tracking, &frames[1], &first.output);
         assert_eq!(out.metrics.tracking, tracking);
         out.metrics.consistency.unwrap().vertex_persistence
     };
@@ -73,7 +72,7 @@ fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
     };
     let another = PreparedFrame::new(raw, &mut ()).unwrap();
     for tracking in [Tracking::Off, Tracking::Paper, Tracking::Robust] {
-        let cut = process_with(tracking, &another, &first.mesh);
+        let cut = process_with(tracking, &another, &first.output);
         let alone = process(&another, None, &settings(tracking), &mut ()).unwrap();
         assert_eq!(cut.draco, alone.draco);
         assert_eq!(cut.metrics.tracking, Tracking::Off);
@@ -158,7 +157,7 @@ fn without_a_use_for_it_the_previous_frame_is_not_registered() {
 fn a_first_frame_has_no_reference_and_the_asked_number_of_faces() {
     let frames = frames(1);
     let out = process(&frames[0], None, &settings(Tracking::Paper), &mut ()).unwrap();
-    assert_eq!(out.mesh.face_count(), 600);
+    assert_eq!(out.output.mesh.face_count(), 600);
     assert_eq!(out.metrics.tracking, Tracking::Off);
     assert!(out.registered.is_none());
     assert!(out.metrics.surface_distance.unwrap().previous.is_none());

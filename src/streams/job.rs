@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{Limits, read};
 use steadymesh_proto::metrics::StageTimes;
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{
-    PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
+    Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
     StageObserver, process_registered, register,
 };
 use crate::stopwatch::Stopwatch;
@@ -22,7 +21,7 @@ pub(super) struct Job {
     pub settings: Settings,
     pub frame: Arc<PreparedFrame>,
     pub previous: Option<Arc<PreparedFrame>>,
-    pub previous_output: Option<oneshot::Receiver<TriangleMesh>>,
+    pub previous_output: Option<oneshot::Receiver<Output>>,
     pub times: StageTimes,
 }
 

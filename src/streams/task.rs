@@ -19,7 +19,6 @@ use std::time::{Duration, Instant};
 use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt, ready};
 use futures_util::stream::FuturesOrdered;
-use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::Limits;
 use steadymesh_proto::metrics::{Quality, StageTimes};
 use steadymesh_proto::stream::{Accepted, EndReason, Overload};
@@ -27,7 +26,7 @@ use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
 use tracing::{Instrument, Span};
 
 use crate::compute::{ComputePool, Length};
-use crate::pipeline::PreparedFrame;
+use crate::pipeline::{Output, PreparedFrame};
 use crate::stopwatch::microseconds;
 
 use super::history::Loss;
@@ -102,7 +101,7 @@ struct State {
     busy: usize,
     previous: Option<(u64, Arc<PreparedFrame>)>,
     /// What becomes of it, once it is known; closed if it is lost.
-    previous_output: Option<oneshot::Receiver<TriangleMesh>>,
+    previous_output: Option<oneshot::Receiver<Output>>,
     latest_seq: Option<u64>,
     ladder: Ladder,
 }
@@ -331,7 +330,7 @@ impl Task {
                 let outcome = job.run().instrument(span.clone()).await;
                 if let Ok((processed, _)) = &outcome {
                     // Whoever comes next may do without.
-                    sender.send(processed.mesh.clone()).ok();
+                    sender.send(processed.output.clone()).ok();
                 }
                 Done {
                     stamps,

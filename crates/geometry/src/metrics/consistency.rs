@@ -1,10 +1,8 @@
 //! Whether the same vertices and edges come back from one result to the next.
 
 use crate::mesh::{Edge, EdgeTable};
-use crate::spatial::{TriangleTree, VertexTree};
+use crate::spatial::{TriangleTree, VertexTree, closest_to_vertices};
 use crate::{Point, TriangleMesh};
-
-use super::vertex_closest_points;
 
 /// How much of the previous result, carried along, is found again in the next one.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,16 +38,16 @@ const PERSISTENCE_RADIUS: f64 = 0.1;
 /// `None` if one of them has no faces.
 #[must_use]
 pub fn consistency(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Consistency> {
-    consistency_with_surface(carried, next, &TriangleTree::new(next)?)
+    consistency_with_surface(carried, &TriangleTree::new(next)?)
 }
 
 /// The same where the surface of `next` is there already.
 #[must_use]
 pub fn consistency_with_surface(
     carried: &TriangleMesh,
-    next: &TriangleMesh,
     next_surface: &TriangleTree,
 ) -> Option<Consistency> {
+    let next = next_surface.mesh();
     let carried_surface = TriangleTree::new(carried)?;
     let persistence = persistence(carried, next)?;
     let persisting = persistence.vertices.iter().filter(|persists| **persists);
@@ -103,7 +101,7 @@ pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persis
 /// From the vertices and face centers of `from`. A center is looked for where one of its corners
 /// was found.
 fn mean_distance(from: &TriangleMesh, to: &TriangleTree) -> f64 {
-    let vertices = vertex_closest_points(from, to);
+    let vertices = closest_to_vertices(from, to);
     let of_vertices = vertices.iter().map(|found| found.distance);
     let of_centers = from.faces().iter().enumerate().map(|(index, face)| {
         let [a, b, c] = from.triangle(index);

@@ -1,6 +1,6 @@
 //! The two distances of section 4.1 of the Tracked QEM paper.
 
-use crate::spatial::{SurfacePoint, TriangleTree, VertexTree, lowest_neighbors};
+use crate::spatial::{TriangleTree, VertexTree, closest_to_vertices};
 use crate::{Point, TriangleMesh};
 
 /// Mesh-surface distance: from each of `points` to the closest point of a surface, exactly.
@@ -15,25 +15,11 @@ pub fn surface_distances(points: &[Point], surface: &TriangleTree) -> Vec<f64> {
         .collect()
 }
 
-/// The same from all vertices of `mesh`: each is looked for where one of its neighbors was found.
+/// The same from all vertices of `mesh`, in less time.
 #[must_use]
 pub fn vertex_to_surface_distances(mesh: &TriangleMesh, surface: &TriangleTree) -> Vec<f64> {
-    let found = vertex_closest_points(mesh, surface);
+    let found = closest_to_vertices(mesh, surface);
     found.iter().map(|nearest| nearest.distance).collect()
-}
-
-/// The closest points themselves, found in the same way.
-#[must_use]
-pub fn vertex_closest_points(mesh: &TriangleMesh, surface: &TriangleTree) -> Vec<SurfacePoint> {
-    let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
-    for (point, neighbor) in mesh.positions().iter().zip(lowest_neighbors(mesh)) {
-        // A vertex that is its own lowest neighbor has not been looked for yet.
-        found.push(match found.get(neighbor as usize) {
-            Some(near) => surface.closest_from(point, near.face),
-            None => surface.closest(point),
-        });
-    }
-    found
 }
 
 /// Nearest-vertex distance: from each of `points` to the closest vertex of a mesh.

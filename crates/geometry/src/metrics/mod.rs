@@ -10,9 +10,7 @@ mod surface_samples;
 pub use consistency::{
     Consistency, Persistence, consistency, consistency_with_surface, persistence,
 };
-pub use distances::{
-    surface_distances, vertex_closest_points, vertex_distances, vertex_to_surface_distances,
-};
+pub use distances::{surface_distances, vertex_distances, vertex_to_surface_distances};
 pub use point_errors::{OrientedPoints, PointErrors, point_errors, psnr};
 pub use statistics::DistanceStatistics;
 pub use surface_samples::{SurfaceSample, surface_samples};

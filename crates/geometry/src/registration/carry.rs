@@ -1,7 +1,7 @@
 //! Carries what stands on the source along with it.
 
 use crate::mesh::face_normal;
-use crate::spatial::{TriangleTree, barycentric};
+use crate::spatial::{SurfacePoint, barycentric};
 use crate::{Point, TriangleMesh, Vector};
 
 /// A point that was carried along.
@@ -17,21 +17,24 @@ pub struct Carried {
     pub height: f64,
 }
 
-/// Carries `points`, which are near `surface`, to where `registered` has it: its mesh at other
-/// positions.
+/// Carries points that are near `source` to where `registered` has it: the same mesh at other
+/// positions. Each point comes with its foot, the point of the surface that is closest to it.
 ///
-/// A point keeps its place in the face that is closest to it: the foot's barycentric
-/// coordinates, the height along the face's normal, and the rest of its offset unturned.
+/// A point keeps its place in its foot's face: the foot's barycentric coordinates, the height along
+/// the face's normal, and the rest of its offset unturned.
 ///
 /// # Panics
 ///
-/// If `registered` has fewer faces.
+/// If one of the meshes has fewer faces than a foot says.
 #[must_use]
-pub fn carry(points: &[Point], surface: &TriangleTree, registered: &TriangleMesh) -> Vec<Carried> {
-    let carry_one = |point: &Point| {
-        let closest = surface.closest(point);
+pub fn carry(
+    points: &[Point],
+    feet: &[SurfacePoint],
+    (source, registered): (&TriangleMesh, &TriangleMesh),
+) -> Vec<Carried> {
+    let carry_one = |(point, closest): (&Point, &SurfacePoint)| {
         let (from, to) = (
-            surface.mesh().triangle(closest.face as usize),
+            source.triangle(closest.face as usize),
             registered.triangle(closest.face as usize),
         );
         let shares = barycentric(&closest.position, &from);
@@ -49,12 +52,13 @@ pub fn carry(points: &[Point], surface: &TriangleTree, registered: &TriangleMesh
             height,
         }
     };
-    points.iter().map(carry_one).collect()
+    points.iter().zip(feet).map(carry_one).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spatial::TriangleTree;
     use nalgebra::{Isometry3, Vector3};
 
     #[test]
@@ -66,7 +70,8 @@ mod tests {
         let registered = source.with_positions(moved).unwrap();
         let point = Point::new(0.5, 0.3, 0.2);
         let surface = TriangleTree::new(&source).unwrap();
-        let carried = carry(&[point], &surface, &registered)[0];
+        let feet = [surface.closest(&point)];
+        let carried = carry(&[point], &feet, (&source, &registered))[0];
         assert!((carried.position - motion * point).norm() < 1e-12);
         assert!((carried.foot - motion * Point::new(0.5, 0.3, 0.0)).norm() < 1e-12);
         assert!((carried.height - 0.2).abs() < 1e-12);

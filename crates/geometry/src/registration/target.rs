@@ -60,9 +60,10 @@ impl Target {
     /// If there is no such face.
     pub(super) fn closest_near(&self, query: &Point, guess: u32, limit: f64) -> SurfacePoint {
         let near = limit.min(NEAR * self.mean_edge());
-        straight_walk(&self.mesh, query, guess)
-            .filter(|found| found.distance <= near)
-            .unwrap_or_else(|| self.tree.closest_from(query, guess))
+        match straight_walk(&self.mesh, query, guess) {
+            Ok(below) if below.distance <= near => below,
+            Ok(SurfacePoint { face, .. }) | Err(face) => self.tree.closest_from(query, face),
+        }
     }
 
     /// The same for every vertex of `mesh`, from where a neighbor's was found.

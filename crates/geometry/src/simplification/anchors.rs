@@ -273,7 +273,7 @@ mod tests {
     use crate::metrics::consistency;
     use crate::registration::carry;
     use crate::simplification::{Options as Target, simplify, simplify_anchored};
-    use crate::spatial::VertexTree;
+    use crate::spatial::{VertexTree, closest_to_vertices};
 
     /// A bumpy sheet whose grid is shifted by a share of its spacing, so that the same surface
     /// has other vertices.
@@ -302,7 +302,11 @@ mod tests {
 
     fn anchors(previous: &TriangleMesh, source: &TriangleMesh, mesh: &TriangleMesh) -> Anchors {
         let before = TriangleTree::new(source).unwrap();
-        let carried = carry(previous.positions(), &before, source);
+        let carried = carry(
+            previous.positions(),
+            &closest_to_vertices(&previous, &before),
+            (source, source),
+        );
         let surface = TriangleTree::new(mesh).unwrap();
         Anchors::new((&carried, previous.faces()), &surface, &Options::default())
     }
@@ -338,7 +342,11 @@ mod tests {
         let previous = simplify(&before, None, &target).mesh;
         let surface = TriangleTree::new(&after).unwrap();
         let surface_before = TriangleTree::new(&before).unwrap();
-        let carried = carry(previous.positions(), &surface_before, &before);
+        let carried = carry(
+            previous.positions(),
+            &closest_to_vertices(&previous, &surface_before),
+            (surface_before.mesh(), &before),
+        );
         let found = [0.0, 0.5, 1.0].map(|strength| {
             let anchors = Anchors::new(
                 (&carried, previous.faces()),
@@ -368,7 +376,11 @@ mod tests {
             .collect();
         let registered = mesh.with_positions(away).unwrap();
         let surface = TriangleTree::new(&mesh).unwrap();
-        let carried = carry(previous.positions(), &surface, &registered);
+        let carried = carry(
+            previous.positions(),
+            &closest_to_vertices(&previous, &surface),
+            (surface.mesh(), &registered),
+        );
         let options = Options::default();
         let anchors = Anchors::new((&carried, previous.faces()), &surface, &options);
         assert!(anchors.anchors.is_empty());

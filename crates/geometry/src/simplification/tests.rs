@@ -1,7 +1,7 @@
 use super::*;
 use crate::mesh::EdgeTable;
 use crate::registration::carry;
-use crate::spatial::TriangleTree;
+use crate::spatial::{TriangleTree, closest_to_vertices};
 use crate::{Face, Point, TriangleMesh};
 
 /// A closed surface of `2 * rings * segments - 2 * segments` faces: a bumpy ball.
@@ -224,7 +224,11 @@ fn where_few_faces_go_the_result_is_as_close_as_the_original_qem() {
     let surface = TriangleTree::new(&ball).unwrap();
     let target = Options::to_faces(ball.face_count() * 9 / 10);
     let before = simplify(&ball, None, &target).mesh;
-    let carried = carry(before.positions(), &surface, &ball);
+    let carried = carry(
+        before.positions(),
+        &closest_to_vertices(&before, &surface),
+        (surface.mesh(), &ball),
+    );
     let anchors = Anchors::new(
         (&carried, before.faces()),
         &surface,

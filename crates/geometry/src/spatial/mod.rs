@@ -10,7 +10,8 @@ mod triangle_tree;
 mod vertex_tree;
 
 pub use closest_point::{barycentric, closest_point_on_triangle};
-pub(crate) use near_vertices::{lowest_neighbors, near_vertices};
+pub use near_vertices::closest_to_vertices;
+pub(crate) use near_vertices::near_vertices;
 pub use point_tree::PointTree;
 pub(crate) use straight_walk::straight_walk;
 pub use triangle_tree::{SurfacePoint, TriangleTree};

@@ -1,6 +1,6 @@
 //! The points of a surface that a mesh's vertices stand on.
 
-use crate::TriangleMesh;
+use crate::{Point, TriangleMesh};
 
 use super::{SurfacePoint, TriangleTree, straight_walk};
 
@@ -15,12 +15,33 @@ pub(crate) fn near_vertices(
     surface: &TriangleTree,
     reach: f64,
 ) -> Vec<SurfacePoint> {
+    from_neighbors(mesh, surface, |position, near| {
+        match straight_walk(surface.mesh(), position, near.face) {
+            Ok(below) if below.distance <= reach.min(LARGEST_GROWTH * near.distance) => below,
+            Ok(SurfacePoint { face, .. }) | Err(face) => surface.closest_from(position, face),
+        }
+    })
+}
+
+/// The point of `surface` closest to every vertex of `mesh`, each looked for from where a neighbor's
+/// was found.
+#[must_use]
+pub fn closest_to_vertices(mesh: &TriangleMesh, surface: &TriangleTree) -> Vec<SurfacePoint> {
+    from_neighbors(mesh, surface, |position, near| {
+        surface.closest_from(position, near.face)
+    })
+}
+
+/// What `look` finds for every vertex of `mesh`, given its position and what it found for a neighbor.
+fn from_neighbors(
+    mesh: &TriangleMesh,
+    surface: &TriangleTree,
+    look: impl Fn(&Point, &SurfacePoint) -> SurfacePoint,
+) -> Vec<SurfacePoint> {
     let mut found: Vec<SurfacePoint> = Vec::with_capacity(mesh.vertex_count());
     for (position, neighbor) in mesh.positions().iter().zip(lowest_neighbors(mesh)) {
         found.push(match found.get(neighbor as usize) {
-            Some(near) => straight_walk(surface.mesh(), position, near.face)
-                .filter(|below| below.distance <= reach.min(LARGEST_GROWTH * near.distance))
-                .unwrap_or_else(|| surface.closest_from(position, near.face)),
+            Some(near) => look(position, near),
             // A vertex that is lower than its neighbors.
             None => surface.closest(position),
         });
@@ -29,7 +50,7 @@ pub(crate) fn near_vertices(
 }
 
 /// The lowest-numbered neighbor of every vertex, or the vertex itself where that is lower.
-pub(crate) fn lowest_neighbors(mesh: &TriangleMesh) -> Vec<u32> {
+fn lowest_neighbors(mesh: &TriangleMesh) -> Vec<u32> {
     let mut lowest: Vec<u32> = (0..mesh.vertex_count() as u32).collect();
     for face in mesh.faces() {
         let first = face[0].min(face[1]).min(face[2]);

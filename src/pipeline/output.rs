@@ -1,0 +1,41 @@
+//! A frame's result, as the next frame is held to it.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use steadymesh_geometry::TriangleMesh;
+use steadymesh_geometry::spatial::{SurfacePoint, TriangleTree, closest_to_vertices};
+
+/// What became of a frame. Copies share the arrays.
+#[derive(Debug, Clone)]
+pub struct Output {
+    /// The simplified mesh as players see it: decoded from Draco.
+    pub mesh: TriangleMesh,
+    /// The points of the frame's own surface that are closest to its vertices, if they are known:
+    /// they are measured, and the next frame needs them again.
+    pub(super) feet: Option<Arc<[SurfacePoint]>>,
+}
+
+impl Output {
+    /// With the points of `surface`, that of its frame, below its vertices.
+    pub(super) fn on(surface: &TriangleTree, mesh: TriangleMesh) -> Self {
+        Self {
+            feet: Some(closest_to_vertices(&mesh, surface).into()),
+            mesh,
+        }
+    }
+
+    /// The points of its frame's surface below its vertices.
+    pub(super) fn feet_on(&self, surface: &TriangleTree) -> Cow<'_, [SurfacePoint]> {
+        match &self.feet {
+            Some(feet) => Cow::Borrowed(feet),
+            None => Cow::Owned(closest_to_vertices(&self.mesh, surface)),
+        }
+    }
+}
+
+impl From<TriangleMesh> for Output {
+    fn from(mesh: TriangleMesh) -> Self {
+        Self { mesh, feet: None }
+    }
+}
