@@ -10,6 +10,7 @@ use crate::spatial::TriangleTree;
 use crate::{Face, Point, Vector};
 
 use super::Quadric;
+use super::edge_costs::{SeenPull, SeenQuadric};
 use super::normalization::Normalization;
 use super::placement::place;
 use super::refinement::{self, Kept};
@@ -167,6 +168,8 @@ fn attach(
 /// The anchors as the simplification goes on.
 pub(super) struct Pulls {
     of_vertices: Vec<Option<Pull>>,
+    /// The same as edges are ranked by.
+    seen: Vec<SeenPull>,
     merge_penalty: f64,
 }
 
@@ -200,20 +203,32 @@ impl Pulls {
         let positions: Vec<Point> = anchors.anchors.iter().map(|a| a.position).collect();
         let positions = normalization.apply(&positions);
         let mut of_vertices = vec![None; vertex_count];
+        let mut seen = vec![SeenPull::NONE; vertex_count];
         for (anchor, position) in anchors.anchors.iter().zip(positions) {
+            let quadric = Quadric::of_point(&position, weight * anchor.weight)
+                + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight);
             of_vertices[anchor.vertex as usize] = Some(Pull {
                 previous_vertex: anchor.previous_vertex,
                 position,
                 face: anchor.face,
                 fit: anchor.fit,
-                quadric: Quadric::of_point(&position, weight * anchor.weight)
-                    + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight),
+                quadric,
             });
+            seen[anchor.vertex as usize] = SeenPull {
+                quadric: SeenQuadric::new(&quadric, &position),
+                fit: anchor.fit as f32,
+            };
         }
         Some(Self {
             of_vertices,
+            seen,
             merge_penalty: hold * anchors.merge_penalty,
         })
+    }
+
+    /// The pulls of all vertices as edges are ranked by them, and the penalty.
+    pub fn seen(&self) -> (&[SeenPull], f32) {
+        (&self.seen, self.merge_penalty as f32)
     }
 
     /// The anchor that a vertex kept, with its position normalized.
@@ -229,14 +244,18 @@ impl Pulls {
 
     /// `b` was merged into `a`, which went to `position`: of two anchors the nearer one stays.
     pub fn merge(&mut self, (a, b): (u32, u32), position: &Point) {
-        let of_b = self.of_vertices[b as usize].take();
-        let of_a = &mut self.of_vertices[a as usize];
+        let (a, b) = (a as usize, b as usize);
+        let of_b = self.of_vertices[b].take();
         let square = |pull: &Pull| (pull.position - position).norm_squared();
-        *of_a = match (*of_a, of_b) {
-            (Some(of_a), Some(of_b)) if square(&of_b) < square(&of_a) => Some(of_b),
-            (Some(of_a), _) => Some(of_a),
-            (None, of_b) => of_b,
+        let takes_b = match (&self.of_vertices[a], &of_b) {
+            (Some(of_a), Some(of_b)) => square(of_b) < square(of_a),
+            (None, Some(_)) => true,
+            (_, None) => false,
         };
+        if takes_b {
+            self.of_vertices[a] = of_b;
+            self.seen[a] = self.seen[b];
+        }
     }
 
     /// Where the vertices of `edge` would be merged, given the `quadric` of both, and what that

@@ -327,6 +327,14 @@ const MIN_HEIGHT: f64 = 1e-6;
 fn keeps_side(base: &Vector, before: &Vector, after: &Vector) -> bool {
     let (old, new) = (base.cross(before), base.cross(after));
     let (old_square, new_square) = (old.norm_squared(), new.norm_squared());
+    let cosine = old.dot(&new);
+    let keeps = 0.0 < cosine && MIN_SQUARE_COSINE * old_square * new_square < cosine * cosine;
+    // Most triangles are so high that there is no need to look for their longest edge: its square is
+    // at most twice the sum of the other two.
+    let longest_at_most = 2.0 * (base.norm_squared() + after.norm_squared());
+    if keeps && MIN_HEIGHT * MIN_HEIGHT * longest_at_most * longest_at_most < new_square {
+        return true;
+    }
     let longest_square = |corner: &Vector| {
         let longest = base.norm_squared().max(corner.norm_squared());
         longest.max((corner - base).norm_squared())
@@ -342,8 +350,6 @@ fn keeps_side(base: &Vector, before: &Vector, after: &Vector) -> bool {
     {
         return false;
     }
-    let cosine = old.dot(&new);
-    let keeps = 0.0 < cosine && MIN_SQUARE_COSINE * old_square * new_square < cosine * cosine;
     keeps || !has_area(old_square, before)
 }
 

@@ -7,10 +7,12 @@ use crate::{Face, Point, TriangleMesh};
 use super::Quadric;
 use super::anchors::{Anchors, Pulls};
 use super::connectivity::Connectivity;
+use super::edge_costs::{ByPulls, EdgeCosts, SeenQuadric};
 use super::greedy::Greedy;
 use super::normalization::Normalization;
 use super::passes::Passes;
 use super::placement::place;
+use super::ranking::Rated;
 use super::refinement::{Kept, refine};
 use super::tracked::{Reference, vertex_quadrics};
 
@@ -137,6 +139,8 @@ fn simplify_guided(
         quadrics: initial_quadrics(mesh, &positions, &connectivity, options),
         connectivity,
         versions: vec![0; mesh.vertex_count()],
+        seen: Vec::new(),
+        by_pulls: ByPulls::default(),
         positions,
         reference,
         pulls: Pulls::new(
@@ -151,6 +155,7 @@ fn simplify_guided(
         let mut greedy = Greedy::new(mesh.vertex_count());
         collapses.collapse_to(options.target_faces, &mut greedy);
     } else {
+        collapses.see_all();
         let mut passes = Passes::new(mesh.vertex_count());
         collapses.collapse_to(options.target_faces, &mut passes);
     }
@@ -198,6 +203,9 @@ pub(super) struct Collapses {
     pub versions: Vec<u32>,
     pub reference: Option<Reference>,
     quadrics: Vec<Quadric>,
+    /// The same as edges are ranked by; empty if they are not.
+    seen: Vec<SeenQuadric>,
+    by_pulls: ByPulls,
     pulls: Option<Pulls>,
     count: usize,
 }
@@ -274,12 +282,35 @@ impl Collapses {
         // The frame's own quadrics add up; the reference's are gathered anew for every edge.
         let merged = self.quadrics[a as usize] + self.quadrics[b as usize];
         self.quadrics[a as usize] = merged;
+        if let Some(seen) = self.seen.get_mut(a as usize) {
+            *seen = SeenQuadric::new(&merged, &position);
+        }
         if let Some(pulls) = &mut self.pulls {
             pulls.merge((a, b), &position);
         }
         self.versions[a as usize] += 1;
         self.versions[b as usize] += 1;
         self.count += 1;
+    }
+
+    /// Sees every vertex's quadric from where it is, so that edges can be rated.
+    fn see_all(&mut self) {
+        let vertices = self.quadrics.iter().zip(&self.positions);
+        self.seen = vertices
+            .map(|(quadric, position)| SeenQuadric::new(quadric, position))
+            .collect();
+    }
+
+    /// Rates edges by what collapsing them costs, about.
+    pub fn rate(&mut self, edges: &mut [Rated]) {
+        let costs = EdgeCosts {
+            quadrics: &self.seen,
+            pulls: self.pulls.as_ref().map(Pulls::seen),
+        };
+        costs.rate(edges, &mut self.by_pulls);
+        for rated in edges.iter_mut().filter(|rated| rated.cost.is_nan()) {
+            rated.cost = self.cost(rated.edge) as f32;
+        }
     }
 
     /// What collapsing an edge costs, rounding taken for nothing.

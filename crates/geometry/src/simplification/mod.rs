@@ -5,6 +5,7 @@
 //! - `tracked`: the reference's quadrics around an edge (Eq. 10 to 14, 16).
 //! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
+//! - `edge_costs`: what collapsing many edges costs, about.
 //! - `greedy`, `queue`: the cheapest edge first, for the paper's mode.
 //! - `passes`, `ranking`: nearly that order at half the time, for all others.
 //! - [`anchors`]: what the previous result holds the new one by.
@@ -16,6 +17,7 @@
 pub mod anchors;
 mod connectivity;
 mod edge_collapse;
+mod edge_costs;
 mod faces_around;
 mod greedy;
 mod normalization;

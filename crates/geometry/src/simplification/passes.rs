@@ -84,6 +84,7 @@ impl Passes {
             *cost != REFUSED && !touched[edge.0 as usize] && !touched[edge.1 as usize]
         });
         self.refused = 0;
+        let kept = self.edges.len();
         for &vertex in &self.merged {
             mesh.connectivity.neighbors(vertex, &mut self.neighbors);
             for &neighbor in &self.neighbors {
@@ -92,10 +93,10 @@ impl Passes {
                     continue;
                 }
                 let edge = Edge::new(vertex, neighbor);
-                let cost = mesh.cost(edge) as f32;
-                self.edges.push(Rated { edge, cost });
+                self.edges.push(Rated { edge, cost: 0.0 });
             }
         }
+        mesh.rate(&mut self.edges[kept..]);
         for vertex in self.merged.drain(..) {
             touched[vertex as usize] = false;
         }
@@ -107,9 +108,7 @@ impl Order for Passes {
         self.edges.clear();
         mesh.connectivity
             .for_each_edge(|edge| self.edges.push(Rated { edge, cost: 0.0 }));
-        for rated in &mut self.edges {
-            rated.cost = mesh.cost(rated.edge) as f32;
-        }
+        mesh.rate(&mut self.edges);
     }
 
     fn drain(&mut self, mesh: &mut Collapses, target: usize, rules: Rules) {
