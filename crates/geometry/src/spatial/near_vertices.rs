@@ -4,8 +4,11 @@ use crate::{Point, TriangleMesh};
 
 use super::{SurfacePoint, TriangleTree, straight_walk};
 
-/// What is so much further from the surface than its neighbor may have been led to another sheet.
+/// What is so much further from the surface than its neighbor may have been led to another sheet,
 const LARGEST_GROWTH: f64 = 3.0;
+
+/// unless it is closer than this share of the reach: neighbors may be on the surface by chance.
+const SURE_SHARE: f64 = 0.1;
 
 /// For every vertex of `mesh` the point of `surface` below it, on the sheet on which its neighbors
 /// are: found by walking from where a neighbor's was. Where the way ends on no face, further away
@@ -17,10 +20,15 @@ pub(crate) fn near_vertices(
 ) -> Vec<SurfacePoint> {
     from_neighbors(mesh, surface, |position, near| {
         match straight_walk(surface.mesh(), position, near.face) {
-            Ok(below) if below.distance <= reach.min(LARGEST_GROWTH * near.distance) => below,
+            Ok(below) if is_sure(below.distance, near.distance, reach) => below,
             Ok(SurfacePoint { face, .. }) | Err(face) => surface.closest_from(position, face),
         }
     })
+}
+
+fn is_sure(distance: f64, of_neighbor: f64, reach: f64) -> bool {
+    let expected = (LARGEST_GROWTH * of_neighbor).max(SURE_SHARE * reach);
+    distance <= expected.min(reach)
 }
 
 /// The point of `surface` closest to every vertex of `mesh`, each looked for from where a neighbor's

@@ -3,7 +3,9 @@
 use nalgebra::Matrix3;
 
 use crate::mesh::{Rows, face_normal};
-use crate::spatial::{TriangleTree, barycentric, closest_point_on_triangle};
+use crate::spatial::{
+    SurfacePoint, TriangleTree, barycentric, closest_point_on_triangle, straight_walk,
+};
 use crate::{Point, TriangleMesh, Vector};
 
 use super::samples::Samples;
@@ -64,6 +66,10 @@ struct System<'a> {
     positions: Vec<Point>,
 }
 
+/// How close, in mean edges of the original, a vertex is to the face that it is straight above for
+/// that to count without a look at the rest.
+const NEAR: f64 = 0.3;
+
 /// Vertices move by at most this share of the mean edge.
 const MAX_MOVE: f64 = 0.5;
 
@@ -97,14 +103,18 @@ impl<'a> System<'a> {
         options: &Options,
     ) {
         let surface_weight = options.surface_weight * share + options.surface_samples;
+        let near = NEAR * surface.mesh().mean_edge();
         let hold_of = |(vertex, start): (usize, &Point)| {
             let normal = self.normals[vertex];
             let along = Matrix3::identity() - normal * normal.transpose();
             let kept = kept.get(vertex).copied().flatten();
-            let foot = kept.map_or_else(
-                || surface.closest(start),
-                |kept| surface.closest_from(start, kept.face),
-            );
+            let foot = match kept.map(|kept| straight_walk(surface.mesh(), start, kept.face)) {
+                Some(Ok(below)) if below.distance <= near => below,
+                Some(Ok(SurfacePoint { face, .. }) | Err(face)) => {
+                    surface.closest_from(start, face)
+                }
+                None => surface.closest(start),
+            };
             let corners = surface.mesh().triangle(foot.face as usize);
             let square = |corner: &Point| (corner - start).norm_squared();
             let nearest = corners

@@ -84,11 +84,13 @@ fn is_worth_it(
     tolerance: f64,
 ) -> bool {
     let (before, after) = (before(quad, positions), after(quad, positions));
-    let (old, count) = samples.square_distances([quad.first, quad.second], &before);
+    let faces = [quad.first, quad.second];
+    let count: usize = faces.iter().map(|&face| samples.on(face).len()).sum();
     if !faces_alike(&before, &after, FEW_SAMPLES < count) {
         return false;
     }
-    let (new, _) = samples.square_distances([quad.first, quad.second], &after);
+    let old = samples.square_distances(faces, &before);
+    let new = samples.square_distances(faces, &after);
     let edge = after[0][0] - after[0][2];
     let allowed = tolerance * samples.mean_square + ROUNDING * edge.norm_squared();
     new - old <= allowed * count.max(1) as f64

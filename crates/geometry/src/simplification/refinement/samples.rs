@@ -51,22 +51,20 @@ impl<'a> Samples<'a> {
     }
 
     /// Those of one face.
-    pub fn on(&self, face: u32) -> impl Iterator<Item = &Point> {
+    pub fn on(&self, face: u32) -> impl ExactSizeIterator<Item = &Point> {
         let indices = &self.of_faces[face as usize];
         indices.iter().map(|&index| &self.points[index as usize])
     }
 
     /// The sum of the square distances from the samples of two faces to two triangles, each to
-    /// the nearer one, and how many samples there are.
-    pub fn square_distances(&self, faces: [u32; 2], triangles: &[[Point; 3]; 2]) -> (f64, usize) {
+    /// the nearer one.
+    pub fn square_distances(&self, faces: [u32; 2], triangles: &[[Point; 3]; 2]) -> f64 {
         let square = |point: &Point, triangle| {
             (closest_point_on_triangle(point, triangle) - point).norm_squared()
         };
         let nearer = |point| square(point, &triangles[0]).min(square(point, &triangles[1]));
         let points = faces.into_iter().flat_map(|face| self.on(face));
-        points.fold((0.0, 0), |(sum, count), point| {
-            (sum + nearer(point), count + 1)
-        })
+        points.map(nearer).sum()
     }
 
     /// Divides the samples of two faces anew, which are now these triangles.
