@@ -141,12 +141,10 @@ impl Connectivity {
         if MAX_VALENCE < self.around.valence(a) + self.around.valence(b) {
             return None;
         }
-        let mut apexes = self.apexes(a, b);
-        let (first, second) = (apexes.next()?, apexes.next());
-        if apexes.next().is_some() || second == Some(first) {
+        let (apexes, common) = self.look_around(a, b)?;
+        let [Some(first), second] = apexes else {
             return None;
-        }
-        drop(apexes);
+        };
         // An apex that only this face holds would be lost, and with it the surface's outline.
         let is_held = |apex: u32| self.around.valence(apex) != 1;
         if !is_held(first) || !second.is_none_or(is_held) {
@@ -158,7 +156,7 @@ impl Connectivity {
         }
         // Apexes are neighbors of both: equal numbers are equal sets.
         let apex_count = 1 + usize::from(second.is_some());
-        if self.common_neighbors(a, b) != apex_count {
+        if common != apex_count {
             return None;
         }
         let Some(second) = second else {
@@ -173,24 +171,35 @@ impl Connectivity {
         (!fall_together).then_some(2)
     }
 
-    /// The number of vertices that neighbor both.
-    fn common_neighbors(&mut self, a: u32, b: u32) -> usize {
+    /// The corners across the edge between `a` and `b`, and how many vertices neighbor both; `None`
+    /// if there are three such corners, or one of them twice.
+    fn look_around(&mut self, a: u32, b: u32) -> Option<([Option<u32>; 2], usize)> {
         let (of_a, counted) = (self.marks.fresh(), self.marks.fresh());
+        let mut apexes = [None; 2];
         for &face in self.around.row(a) {
             let (next, last) = opposite(self.faces[face as usize], a);
             self.marks.set(next, of_a);
             self.marks.set(last, of_a);
+            if next == b || last == b {
+                let apex = if next == b { last } else { next };
+                match apexes {
+                    [None, _] => apexes[0] = Some(apex),
+                    [Some(first), None] if first != apex => apexes[1] = Some(apex),
+                    [Some(_), _] => return None,
+                }
+            }
         }
         let mut common = 0;
         for &face in self.around.row(b) {
             let (next, last) = opposite(self.faces[face as usize], b);
             for corner in [next, last] {
                 let mark = &mut self.marks.of_vertex[corner as usize];
-                common += usize::from(*mark == of_a);
-                *mark = if *mark == of_a { counted } else { *mark };
+                let is_common = *mark == of_a;
+                common += usize::from(is_common);
+                *mark = if is_common { counted } else { *mark };
             }
         }
-        common
+        Some((apexes, common))
     }
 
     /// Whether the three vertices, the first of them alive, are the corners of a face.
