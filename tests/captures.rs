@@ -139,7 +139,7 @@ fn registration_is_at_least_as_close_as_the_best_public_program() {
         let prepared = Target::new(&to).unwrap();
         let found =
             registration::register(&from, &prepared, &registration::Options::default()).unwrap();
-        let (mean, rmse) = percent(&found.residuals, to.bounding_box().diagonal());
+        let (mean, rmse) = percent(&found.residuals(), to.bounding_box().diagonal());
         println!("{source}: residual {mean:.4} / {rmse:.4}");
         assert!(mean <= bounds.0, "{source}: mean {mean} above {}", bounds.0);
         assert!(rmse <= bounds.1, "{source}: rmse {rmse} above {}", bounds.1);

@@ -250,6 +250,7 @@ fn the_consistency_is_that_of_the_written_meshes() {
                 before.positions(),
                 &closest_to_vertices(&before, &surface),
                 (&source, &registered),
+                &vec![0; source.vertex_count()],
             );
             let carried = carried.into_iter().map(|vertex| vertex.position).collect();
             let carried = before.with_positions(carried).unwrap();

@@ -191,11 +191,12 @@ impl Together {
         let target = Target::of_surface(current.mesh(), Arc::clone(&surface));
         let options = registration::Options::default();
         let found = registration::register(source, &target, &options).expect("the frames fit");
+        let near: Vec<u32> = found.closest.iter().map(|closest| closest.face).collect();
         let registered = moved(source, found.positions);
         let previous_output = simplify(source, None, &tenth(source)).mesh;
         let feet = closest_to_vertices(&previous_output, &tree(source));
         let points = previous_output.positions();
-        let carried = registration::carry(points, &feet, (source, &registered));
+        let carried = registration::carry(points, &feet, (source, &registered), &near);
         let positions = carried.iter().map(|vertex| vertex.position).collect();
         Self {
             raw: alone.raw.clone(),
@@ -251,10 +252,15 @@ impl Together {
     fn measure(&self, mode: MetricsMode) {
         let surface = TriangleTree::new(&self.output).expect("the output has faces");
         let mut metrics = FrameMetrics::default();
+        let samples = if mode == MetricsMode::Full {
+            usize::MAX
+        } else {
+            1000
+        };
         let output = Output::from(self.output.clone());
         let frames = (&self.current, Some(&self.registered_surface));
         add_distances(&mut metrics, (&output, &surface), frames, mode);
-        let consistency = consistency_with_surface(&self.carried_mesh, &surface);
+        let consistency = consistency_with_surface(&self.carried_mesh, &surface, samples);
         drop(black_box((metrics, consistency)));
     }
 

@@ -60,12 +60,21 @@ pub fn add_distances(
 /// left out.
 const MAX_SAMPLES: usize = 1000;
 
+/// How many points are measured from, at the most.
+pub(super) fn max_samples(mode: MetricsMode) -> usize {
+    match mode {
+        MetricsMode::Sampled => MAX_SAMPLES,
+        MetricsMode::Full | MetricsMode::Off => usize::MAX,
+    }
+}
+
 /// Those of `points` that are measured from.
 fn measured_of(points: &[Point], mode: MetricsMode) -> Cow<'_, [Point]> {
-    let stride = points.len().div_ceil(MAX_SAMPLES);
-    match mode {
-        MetricsMode::Sampled if 1 < stride => points.iter().step_by(stride).copied().collect(),
-        MetricsMode::Full | MetricsMode::Sampled | MetricsMode::Off => Cow::Borrowed(points),
+    let stride = points.len().div_ceil(max_samples(mode));
+    if 1 < stride {
+        points.iter().step_by(stride).copied().collect()
+    } else {
+        Cow::Borrowed(points)
     }
 }
 
@@ -81,13 +90,14 @@ fn to_vertices(points: &[Point], vertices: &[Point]) -> Option<Statistics> {
 
 /// How well the reference was registered.
 pub(super) fn registration(registration: &Registration) -> metrics::Registration {
-    let of_residuals = DistanceStatistics::of(&registration.residuals);
+    let residuals = registration.residuals();
+    let of_residuals = DistanceStatistics::of(&residuals);
     metrics::Registration {
         rigid_rmse: registration.rigid_rmse,
         residual: Residual {
             mean: of_residuals.mean,
             rms: of_residuals.rmse,
-            p95: DistanceStatistics::quantile(&registration.residuals, 0.95),
+            p95: DistanceStatistics::quantile(&residuals, 0.95),
             max: of_residuals.max,
         },
         nodes: registration.node_count,

@@ -157,7 +157,8 @@ pub fn process_registered(
             (current, previous),
             settings.metrics,
         );
-        metrics.consistency = carried.and_then(|carried| carried.consistency(&surface));
+        metrics.consistency =
+            carried.and_then(|carried| carried.consistency(&surface, settings.metrics));
     }
     observer.ended(Stage::Measure);
     Ok(ProcessedFrame {
@@ -178,8 +179,11 @@ enum Hold<'a> {
 
 impl Hold<'_> {
     fn simplify(&self, mesh: &TriangleMesh, settings: &Settings) -> (Simplified, Tracking) {
-        let options =
-            simplification::Options::to_faces(settings.target.faces_of(mesh.face_count()));
+        let target = settings.target.faces_of(mesh.face_count());
+        let options = simplification::Options {
+            refines: settings.refines,
+            ..simplification::Options::to_faces(target)
+        };
         match self {
             Self::Nothing => (simplify(mesh, None, &options), Tracking::Off),
             Self::Reference(reference) => {

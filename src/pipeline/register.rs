@@ -7,6 +7,7 @@ use steadymesh_geometry::metrics::consistency_with_surface;
 use steadymesh_geometry::registration::{self, Carried, RegistrationError, Target};
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_proto::metrics;
+use steadymesh_proto::stream::MetricsMode;
 
 use super::scene_cut::{SceneCut, Surface, scene_cut};
 use super::{Output, PreparedFrame, measure};
@@ -23,6 +24,8 @@ pub struct Registered {
     source_surface: Arc<TriangleTree>,
     /// That of `mesh`.
     pub(super) surface: Arc<TriangleTree>,
+    /// For every vertex a face of the current frame that is near.
+    near: Vec<u32>,
     pub(super) scene_cut: Option<SceneCut>,
 }
 
@@ -39,7 +42,7 @@ impl Registered {
         let source = self.source_surface.as_ref();
         let feet = previous.feet_on(source);
         let points = previous.mesh.positions();
-        let vertices = registration::carry(points, &feet, (source.mesh(), &self.mesh));
+        let vertices = registration::carry(points, &feet, (source.mesh(), &self.mesh), &self.near);
         let positions = vertices.iter().map(|vertex| vertex.position).collect();
         CarriedOutput {
             mesh: previous.mesh.with_positions(positions).ok(),
@@ -64,10 +67,15 @@ impl CarriedOutput {
     }
 
     /// What of it is found again in the output that has this surface; none if there is nothing to
-    /// compare.
+    /// compare. `mode` says from where the flicker is measured.
     #[must_use]
-    pub fn consistency(&self, output: &TriangleTree) -> Option<metrics::Consistency> {
-        let found = consistency_with_surface(self.mesh.as_ref()?, output)?;
+    pub fn consistency(
+        &self,
+        output: &TriangleTree,
+        mode: MetricsMode,
+    ) -> Option<metrics::Consistency> {
+        let max_samples = measure::max_samples(mode);
+        let found = consistency_with_surface(self.mesh.as_ref()?, output, max_samples)?;
         Some(metrics::Consistency {
             vertex_persistence: found.vertex_persistence,
             edge_persistence: found.edge_persistence,
@@ -95,6 +103,7 @@ pub fn register(
     let target = Target::of_surface(current.mesh(), Arc::clone(&current_surface));
     let found = registration::register(previous.mesh(), &target, options)?;
     let figures = measure::registration(&found);
+    let near: Vec<u32> = found.closest.iter().map(|closest| closest.face).collect();
     let mesh = previous
         .mesh()
         .with_positions(found.positions)
@@ -106,10 +115,12 @@ pub fn register(
         &Surface {
             now: &surface,
             captured: previous.mesh(),
+            near: &near,
         },
         &Surface {
             now: &current_surface,
             captured: current.mesh(),
+            near: &[],
         },
         current.bounds().diagonal(),
     );
@@ -118,6 +129,7 @@ pub fn register(
         figures,
         source_surface,
         surface: Arc::new(surface),
+        near,
         scene_cut: cut,
     })
 }

@@ -24,6 +24,8 @@ pub(super) struct Surface<'a> {
     pub now: &'a TriangleTree,
     /// The same faces where they were captured: a deformation crumples what it cannot fit.
     pub captured: &'a TriangleMesh,
+    /// For every vertex a face of the other frame that is near; empty if that is not known.
+    pub near: &'a [u32],
 }
 
 /// A share from which on it is a cut. From frame to frame it is at most 0.03 on four captures and on
@@ -65,12 +67,14 @@ pub(super) fn scene_cut(
 
 /// The share of the faces of `from` that have no counterpart in `to`.
 fn share_without(from: &Surface<'_>, to: &Surface<'_>, reach: f64) -> f64 {
-    let mut guess = 0;
+    let mut last = 0;
     let has_none = |index: usize| {
         let [a, b, c] = from.now.mesh().triangle(index).map(|corner| corner.coords);
         let center = Point::from((a + b + c) / 3.0);
-        let found = to.now.closest_from(&center, guess);
-        guess = found.face;
+        let corner = from.now.mesh().faces()[index][0];
+        let near = from.near.get(corner as usize).copied();
+        let found = to.now.closest_from(&center, near.unwrap_or(last));
+        last = found.face;
         let (here, there) = (index, found.face as usize);
         let is_smooth = MIN_COHERENCE <= mean_normal(from.captured, here).norm()
             && MIN_COHERENCE <= mean_normal(to.captured, there).norm();

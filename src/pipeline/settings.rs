@@ -123,6 +123,9 @@ pub struct Settings {
     pub draco: EncodeOptions,
     /// How the previous frame is registered.
     pub registration: registration::Options,
+    /// Whether a result that may be held is fitted to its frame: see
+    /// [`simplification::Options::refines`](steadymesh_geometry::simplification::Options::refines).
+    pub refines: bool,
     /// Which distances are measured; without them a frame costs less.
     pub metrics: MetricsMode,
 }
@@ -136,6 +139,7 @@ impl Default for Settings {
             tracking_strength: TrackingStrength::default(),
             draco: EncodeOptions::default(),
             registration: registration::Options::default(),
+            refines: true,
             metrics: MetricsMode::Full,
         }
     }

@@ -4,6 +4,8 @@ use crate::mesh::{Edge, EdgeTable};
 use crate::spatial::{TriangleTree, VertexTree, closest_to_vertices};
 use crate::{Point, TriangleMesh};
 
+use super::surface_distances;
+
 /// How much of the previous result, carried along, is found again in the next one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Consistency {
@@ -38,21 +40,23 @@ const PERSISTENCE_RADIUS: f64 = 0.1;
 /// `None` if one of them has no faces.
 #[must_use]
 pub fn consistency(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Consistency> {
-    consistency_with_surface(carried, &TriangleTree::new(next)?)
+    consistency_with_surface(carried, &TriangleTree::new(next)?, usize::MAX)
 }
 
-/// The same where the surface of `next` is there already.
+/// The same where the surface of `next` is there already, and with the flicker from at most about
+/// `max_samples` of the vertices and face centers of each.
 #[must_use]
 pub fn consistency_with_surface(
     carried: &TriangleMesh,
     next_surface: &TriangleTree,
+    max_samples: usize,
 ) -> Option<Consistency> {
     let next = next_surface.mesh();
     let carried_surface = TriangleTree::new(carried)?;
     let persistence = persistence(carried, next)?;
     let persisting = persistence.vertices.iter().filter(|persists| **persists);
-    let to_next = mean_distance(carried, next_surface);
-    let to_carried = mean_distance(next, &carried_surface);
+    let to_next = mean_distance(carried, next_surface, max_samples);
+    let to_carried = mean_distance(next, &carried_surface, max_samples);
     Some(Consistency {
         vertex_persistence: persisting.count() as f64 / next.vertex_count() as f64,
         edge_persistence: persistence.found_edge_share,
@@ -98,19 +102,29 @@ pub fn persistence(carried: &TriangleMesh, next: &TriangleMesh) -> Option<Persis
     })
 }
 
-/// From the vertices and face centers of `from`. A center is looked for where one of its corners
-/// was found.
-fn mean_distance(from: &TriangleMesh, to: &TriangleTree) -> f64 {
+/// From the vertices and face centers of `from`, or at most about `max_samples` of them.
+fn mean_distance(from: &TriangleMesh, to: &TriangleTree, max_samples: usize) -> f64 {
+    let count = from.vertex_count() + from.face_count();
+    let stride = count.div_ceil(max_samples.max(1));
+    let center = |face: usize| {
+        let [a, b, c] = from.triangle(face).map(|corner| corner.coords);
+        Point::from((a + b + c) / 3.0)
+    };
+    if 1 < stride {
+        let vertices = from.positions().iter().copied();
+        let samples = vertices.chain((0..from.face_count()).map(center));
+        let samples: Vec<Point> = samples.step_by(stride).collect();
+        return surface_distances(&samples, to).iter().sum::<f64>() / samples.len() as f64;
+    }
     let vertices = closest_to_vertices(from, to);
     let of_vertices = vertices.iter().map(|found| found.distance);
+    // A center is looked for where one of its corners was found.
     let of_centers = from.faces().iter().enumerate().map(|(index, face)| {
-        let [a, b, c] = from.triangle(index);
-        let center = Point::from((a.coords + b.coords + c.coords) / 3.0);
         let near = vertices[face[0] as usize].face;
-        to.closest_from(&center, near).distance
+        to.closest_from(&center(index), near).distance
     });
     let sum: f64 = of_vertices.chain(of_centers).sum();
-    sum / (from.vertex_count() + from.face_count()) as f64
+    sum / count as f64
 }
 
 #[cfg(test)]
@@ -155,6 +169,31 @@ mod tests {
         let found = consistency(&mesh, &lifted).unwrap();
         assert_eq!((found.vertex_persistence, found.flicker), (0.0, 0.5));
         assert_eq!(found.edge_persistence, 1.0);
+    }
+
+    #[test]
+    fn a_flicker_from_some_samples_is_about_that_from_all() {
+        let grid = |height: &dyn Fn(f64) -> f64| {
+            let at = |k: u32| (f64::from(k / 20), f64::from(k % 20));
+            let positions = (0..400).map(at).map(|(x, y)| Point::new(x, y, height(x)));
+            let faces = (0..380).filter(|k| k % 20 != 19).flat_map(|k| {
+                let [a, b, c, d] = [k, k + 20, k + 21, k + 1];
+                [[a, b, c], [a, c, d]]
+            });
+            TriangleMesh::new(positions.collect(), faces.collect()).unwrap()
+        };
+        let (flat, wavy) = (grid(&|_| 0.0), grid(&|x| 0.3 + 0.1 * x.sin()));
+        let surface = TriangleTree::new(&wavy).unwrap();
+        let flicker = |samples| {
+            consistency_with_surface(&flat, &surface, samples)
+                .unwrap()
+                .flicker
+        };
+        let (all, some) = (flicker(usize::MAX), flicker(100));
+        assert!(
+            all != some && (all / some - 1.0).abs() < 0.05,
+            "{all} {some}"
+        );
     }
 
     #[test]

@@ -15,22 +15,27 @@ pub struct Carried {
     pub normal: Vector,
     /// How far above that surface it is, along the normal.
     pub height: f64,
+    /// A face of what the source was registered onto that is probably near.
+    pub near: u32,
 }
 
 /// Carries points that are near `source` to where `registered` has it: the same mesh at other
 /// positions. Each point comes with its foot, the point of the surface that is closest to it.
+///
+/// `near` has a face near every registered vertex, of the mesh that it was registered onto.
 ///
 /// A point keeps its place in its foot's face: the foot's barycentric coordinates, the height along
 /// the face's normal, and the rest of its offset unturned.
 ///
 /// # Panics
 ///
-/// If one of the meshes has fewer faces than a foot says.
+/// If one of the meshes has fewer faces than a foot says, or `near` fewer vertices.
 #[must_use]
 pub fn carry(
     points: &[Point],
     feet: &[SurfacePoint],
     (source, registered): (&TriangleMesh, &TriangleMesh),
+    near: &[u32],
 ) -> Vec<Carried> {
     let carry_one = |(point, closest): (&Point, &SurfacePoint)| {
         let (from, to) = (
@@ -50,6 +55,7 @@ pub fn carry(
             foot,
             normal: after,
             height,
+            near: near[source.faces()[closest.face as usize][0] as usize],
         }
     };
     points.iter().zip(feet).map(carry_one).collect()
@@ -71,7 +77,7 @@ mod tests {
         let point = Point::new(0.5, 0.3, 0.2);
         let surface = TriangleTree::new(&source).unwrap();
         let feet = [surface.closest(&point)];
-        let carried = carry(&[point], &feet, (&source, &registered))[0];
+        let carried = carry(&[point], &feet, (&source, &registered), &[0; 3])[0];
         assert!((carried.position - motion * point).norm() < 1e-12);
         assert!((carried.foot - motion * Point::new(0.5, 0.3, 0.0)).norm() < 1e-12);
         assert!((carried.height - 0.2).abs() < 1e-12);

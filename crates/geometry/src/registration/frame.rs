@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use crate::spatial::SurfacePoint;
 use crate::{Point, TriangleMesh};
 
 use super::error::MAX_SIZE_FACTOR;
@@ -37,8 +38,17 @@ pub struct Registration {
     pub matched_share: f64,
     /// Whether the deformation was thrown away because the rigid motion alone fits better.
     pub rigid_only: bool,
+    /// The point of the target's surface closest to every registered vertex, about: its distance is
+    /// the vertex's residual.
+    pub closest: Vec<SurfacePoint>,
+}
+
+impl Registration {
     /// The distance of every registered vertex to the target's surface.
-    pub residuals: Vec<f64>,
+    #[must_use]
+    pub fn residuals(&self) -> Vec<f64> {
+        self.closest.iter().map(|found| found.distance).collect()
+    }
 }
 
 /// Carries `source` (frame k-1) onto `target` (frame k).
@@ -85,7 +95,7 @@ pub fn register(
         rounds: deformed.rounds,
         matched_share: deformed.matched_share,
         rigid_only,
-        residuals: closest.iter().map(|found| found.distance).collect(),
+        closest,
     })
 }
 

@@ -142,7 +142,7 @@ fn attach(
     options: &Options,
 ) -> Option<Anchor> {
     let (mesh, mean_edge) = (surface.mesh(), surface.mesh().mean_edge());
-    let closest = surface.closest(&carried.foot);
+    let closest = surface.closest_from(&carried.foot, carried.near);
     let corners = mesh.triangle(closest.face as usize);
     let normal = face_normal(corners).unwrap_or_default();
     let angle = carried.normal.dot(&normal).clamp(-1.0, 1.0).acos();
@@ -323,8 +323,9 @@ mod tests {
         let before = TriangleTree::new(source).unwrap();
         let carried = carry(
             previous.positions(),
-            &closest_to_vertices(&previous, &before),
+            &closest_to_vertices(previous, &before),
             (source, source),
+            &vec![0; source.vertex_count()],
         );
         let surface = TriangleTree::new(mesh).unwrap();
         Anchors::new((&carried, previous.faces()), &surface, &Options::default())
@@ -365,6 +366,7 @@ mod tests {
             previous.positions(),
             &closest_to_vertices(&previous, &surface_before),
             (surface_before.mesh(), &before),
+            &vec![0; surface_before.mesh().vertex_count()],
         );
         let found = [0.0, 0.5, 1.0].map(|strength| {
             let anchors = Anchors::new(
@@ -399,6 +401,7 @@ mod tests {
             previous.positions(),
             &closest_to_vertices(&previous, &surface),
             (surface.mesh(), &registered),
+            &vec![0; surface.mesh().vertex_count()],
         );
         let options = Options::default();
         let anchors = Anchors::new((&carried, previous.faces()), &surface, &options);

@@ -26,6 +26,9 @@ pub struct Options {
     /// Garland and Heckbert, section 6, ask for "a large penalty"; 10 keeps cuffs and fingers
     /// without spending the budget of faces on the outline.
     pub boundary_weight: f64,
+    /// Whether [`simplify_anchored`] flips edges of the previous result back and fits the vertices:
+    /// a third of its time, and most of what it gains in closeness.
+    pub refines: bool,
 }
 
 impl Options {
@@ -35,6 +38,7 @@ impl Options {
         Self {
             target_faces,
             boundary_weight: 10.0,
+            refines: true,
         }
     }
 }
@@ -79,7 +83,7 @@ pub fn simplify_anchored(
 ) -> Simplified {
     let mesh = surface.mesh();
     let (simplified, kept) = simplify_guided(mesh, None, anchors, options);
-    if simplified.collapses == 0 {
+    if simplified.collapses == 0 || !options.refines {
         return simplified;
     }
     let hold = hold(mesh, options);

@@ -228,6 +228,7 @@ fn where_few_faces_go_the_result_is_as_close_as_the_original_qem() {
         before.positions(),
         &closest_to_vertices(&before, &surface),
         (surface.mesh(), &ball),
+        &vec![0; ball.vertex_count()],
     );
     let anchors = Anchors::new(
         (&carried, before.faces()),

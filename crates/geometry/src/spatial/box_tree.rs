@@ -75,11 +75,31 @@ pub(super) struct BoxTree {
     first_group: u32,
 }
 
-/// An item's center, by which it is sorted into place.
+/// An item's center, by which it is sorted into place, in whole steps: those are compared in half
+/// the time.
 #[derive(Clone, Copy)]
 struct Entry {
-    center: [f32; 3],
+    center: [i32; 3],
     item: u32,
+}
+
+/// Steps along the longest side of all centers' box, as many as `f32` tells apart.
+const STEPS: f32 = (1 << 24) as f32;
+
+/// The items' entries, in their order.
+fn entries(centers: &[[f32; 3]]) -> Vec<Entry> {
+    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for center in centers {
+        min = std::array::from_fn(|axis| min[axis].min(center[axis]));
+        max = std::array::from_fn(|axis| max[axis].max(center[axis]));
+    }
+    let longest = (0..3).fold(0.0, |longest: f32, axis| longest.max(max[axis] - min[axis]));
+    let scale = if 0.0 < longest { STEPS / longest } else { 0.0 };
+    let entry = |(center, item): (&[f32; 3], u32)| Entry {
+        center: std::array::from_fn(|axis| ((center[axis] - min[axis]) * scale) as i32),
+        item,
+    };
+    centers.iter().zip(0..).map(entry).collect()
 }
 
 impl BoxTree {
@@ -95,13 +115,11 @@ impl BoxTree {
             upper_nodes = WIDTH * upper_nodes + 1;
             capacity *= WIDTH;
         }
-        let mut entries: Vec<Entry> = (0..count as u32)
-            .map(|item| {
-                let [min, max] = bounds_of(item);
-                let center = [0, 1, 2].map(|axis| min[axis] + max[axis]);
-                Entry { center, item }
-            })
-            .collect();
+        let centers = (0..count as u32).map(|item| {
+            let [min, max] = bounds_of(item);
+            [0, 1, 2].map(|axis| min[axis] / 2.0 + max[axis] / 2.0)
+        });
+        let mut entries = entries(&centers.collect::<Vec<_>>());
         // The order within a group does not matter.
         arrange(&mut entries, capacity * group_size / 2, group_size);
         let items = entries.iter().map(|entry| entry.item).collect();
@@ -239,8 +257,12 @@ fn arrange(entries: &mut [Entry], half: usize, smallest: usize) {
         return;
     }
     if half < entries.len() {
-        let axis = longest_axis(entries);
-        entries.select_nth_unstable_by(half, |a, b| a.center[axis].total_cmp(&b.center[axis]));
+        // Written out, so that no comparison looks for its axis.
+        match longest_axis(entries) {
+            0 => entries.select_nth_unstable_by_key(half, |entry| entry.center[0]),
+            1 => entries.select_nth_unstable_by_key(half, |entry| entry.center[1]),
+            _ => entries.select_nth_unstable_by_key(half, |entry| entry.center[2]),
+        };
         let (lower, upper) = entries.split_at_mut(half);
         arrange(lower, half / 2, smallest);
         arrange(upper, half / 2, smallest);
@@ -257,14 +279,14 @@ fn union([min_a, max_a]: &Bounds, [min_b, max_b]: &Bounds) -> Bounds {
 }
 
 fn longest_axis(entries: &[Entry]) -> usize {
-    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    let (mut min, mut max) = ([i32::MAX; 3], [i32::MIN; 3]);
     for entry in entries {
         for axis in 0..3 {
             min[axis] = min[axis].min(entry.center[axis]);
             max[axis] = max[axis].max(entry.center[axis]);
         }
     }
-    let length = |axis: usize| max[axis] - min[axis];
+    let length = |axis: usize| i64::from(max[axis]) - i64::from(min[axis]);
     let longer = |a: usize, b: usize| if length(a) < length(b) { b } else { a };
     longer(longer(0, 1), 2)
 }

@@ -167,7 +167,7 @@ fn a_limb_that_moves_three_percent_of_the_diagonal_is_followed() {
         let arm = pair.errors(&found, |v| parts[v] == 1).show("arm");
         let body = pair.errors(&found, |v| parts[v] == 0).show("body");
         assert!(arm.mean < 0.5 && body.mean < 0.1);
-        let residual = Figures::of(&found.residuals, pair.diagonal()).show("residual");
+        let residual = Figures::of(&found.residuals(), pair.diagonal()).show("residual");
         assert!(residual.mean < 0.03);
     }
 }
