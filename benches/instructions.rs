@@ -5,7 +5,7 @@
 
 mod input;
 
-use input::{Alone, Sequence, Together};
+use input::{Alone, Run, Sequence, Together};
 
 /// Enough to be typical, few enough for a simulated processor.
 const FACE_COUNT: usize = 10_000;
@@ -21,7 +21,7 @@ fn main() {
     for (name, stage) in stages {
         match &wanted {
             None => println!("{name}"),
-            Some(wanted) if wanted == name => counted_stage(&stage),
+            Some(wanted) if wanted == name => counted_stage(stage()),
             Some(_) => {}
         }
     }
@@ -29,6 +29,6 @@ fn main() {
 
 /// Callgrind counts from where this is entered to where it is left.
 #[inline(never)]
-fn counted_stage(stage: &dyn Fn()) {
-    stage();
+fn counted_stage(run: Run<'_>) {
+    run();
 }

@@ -9,7 +9,7 @@ mod input;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group};
+use criterion::{BatchSize, BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group};
 use input::{Alone, Sequence, Stage, Together};
 
 const FACE_COUNTS: [usize; 7] = [5_000, 10_000, 20_000, 50_000, 100_000, 500_000, 1_000_000];
@@ -56,7 +56,7 @@ fn run(criterion: &mut Criterion, sequence: &Sequence, stages: Vec<Stage<'_>>) {
             .measurement_time(Duration::from_millis(600))
             .throughput(Throughput::Elements(sequence.face_count() as u64));
         group.bench_function(BenchmarkId::from_parameter(&sequence.name), |bencher| {
-            bencher.iter(&stage);
+            bencher.iter_batched(&stage, |run| run(), BatchSize::PerIteration);
         });
         group.finish();
     }
@@ -69,6 +69,8 @@ criterion_group! {
 }
 
 fn main() {
+    // As the server does it.
+    steadymesh_heap::keep();
     benches();
     Criterion::default().configure_from_args().final_summary();
 }

@@ -90,8 +90,12 @@ fn format_of(path: &Path) -> Option<Format> {
     Format::from_extension(path.extension()?.to_str()?)
 }
 
-/// A stage's name and one run of it.
-pub type Stage<'a> = (&'static str, Box<dyn Fn() + 'a>);
+/// A stage's name, and what makes one run of it ready: what is derived from a mesh is computed once and
+/// kept with it, so that a run gets meshes that nobody has looked at.
+pub type Stage<'a> = (&'static str, Box<dyn Fn() -> Run<'a> + 'a>);
+
+/// One run, to be measured.
+pub type Run<'a> = Box<dyn FnOnce() + 'a>;
 
 /// The stages of one frame that need no frame before it.
 pub struct Alone {
@@ -130,23 +134,18 @@ impl Alone {
     pub fn stages(&self) -> Vec<Stage<'_>> {
         let mut stages: Vec<Stage<'_>> = Vec::new();
         for (name, format, bytes) in &self.files {
-            stages.push((
-                name,
-                Box::new(|| drop(black_box(read(bytes, *format, &LIMITS)))),
-            ));
+            let run = || drop(black_box(read(bytes, *format, &LIMITS)));
+            stages.push((name, Box::new(move || Box::new(run))));
         }
-        let repaired = &self.repaired;
-        let options = tenth(repaired);
-        stages.push((
-            "repair",
-            Box::new(|| drop(black_box(repair(&self.received)))),
-        ));
-        stages.push((
-            "simplify off",
-            Box::new(move || drop(black_box(simplify(repaired, None, &options)))),
-        ));
-        stages.push(("meshopt", Box::new(|| self.meshopt())));
-        stages.push(("encode", Box::new(|| encode(&self.simplified))));
+        let repair_one = |mesh: TriangleMesh| drop(black_box(repair(&mesh)));
+        let simplify_one = |mesh: TriangleMesh| {
+            let options = tenth(&mesh);
+            drop(black_box(simplify(&mesh, None, &options)));
+        };
+        stages.push(("repair", on_fresh(&self.received, repair_one)));
+        stages.push(("simplify off", on_fresh(&self.repaired, simplify_one)));
+        stages.push(("meshopt", Box::new(|| Box::new(|| self.meshopt()))));
+        stages.push(("encode", Box::new(|| Box::new(|| encode(&self.simplified)))));
         stages
     }
 
@@ -167,11 +166,11 @@ impl Alone {
 
 /// The stages that need the frame before.
 pub struct Together {
+    previous_raw: RawFrame,
     raw: RawFrame,
     previous: PreparedFrame,
     previous_output: Output,
     current: PreparedFrame,
-    surface: Arc<TriangleTree>,
     registered: TriangleMesh,
     registered_surface: TriangleTree,
     carried: Vec<Carried>,
@@ -199,6 +198,7 @@ impl Together {
         let carried = registration::carry(points, &feet, (source, &registered), &near);
         let positions = carried.iter().map(|vertex| vertex.position).collect();
         Self {
+            previous_raw: raw(&sequence.previous),
             raw: alone.raw.clone(),
             carried_mesh: moved(&previous_output, positions),
             registered_surface: tree(&registered),
@@ -206,7 +206,6 @@ impl Together {
             carried,
             previous_output: previous_output.into(),
             previous,
-            surface,
             current,
             output: alone.simplified.clone(),
         }
@@ -227,29 +226,48 @@ impl Together {
         ]
     }
 
-    fn register(&self) {
-        let target = Target::of_surface(self.current.mesh(), Arc::clone(&self.surface));
-        let options = registration::Options::default();
-        let found = registration::register(self.previous.mesh(), &target, &options);
-        drop(black_box(found));
+    fn register(&self) -> Run<'_> {
+        let (source, current) = (fresh(self.previous.mesh()), fresh(self.current.mesh()));
+        // Its own simplification asked for them.
+        (source.vertex_normals(), source.mean_edge());
+        let tree = TriangleTree::new(&current).expect("the frames have faces");
+        Box::new(move || {
+            let target = Target::of_surface(&current, Arc::new(tree));
+            let options = registration::Options::default();
+            drop(black_box(registration::register(
+                &source, &target, &options,
+            )));
+        })
     }
 
-    fn simplify_robust(&self) {
-        let mesh = self.current.mesh();
-        let previous = (self.carried.as_slice(), self.carried_mesh.faces());
-        let options = anchors::Options::with_strength(0.5);
-        let anchors = Anchors::new(previous, &self.surface, &options);
-        let simplified = simplify_anchored(&self.surface, &anchors, &tenth(mesh));
-        drop(black_box(simplified));
+    fn simplify_robust(&self) -> Run<'_> {
+        let mesh = fresh(self.current.mesh());
+        let surface = TriangleTree::new(&mesh).expect("the frames have faces");
+        Box::new(move || {
+            let previous = (self.carried.as_slice(), self.carried_mesh.faces());
+            let options = anchors::Options::with_strength(0.5);
+            let anchors = Anchors::new(previous, &surface, &options);
+            drop(black_box(simplify_anchored(
+                &surface,
+                &anchors,
+                &tenth(&mesh),
+            )));
+        })
     }
 
-    fn simplify_paper(&self) {
-        let mesh = self.current.mesh();
-        let simplified = simplify(mesh, Some(&self.registered), &tenth(mesh));
-        drop(black_box(simplified));
+    fn simplify_paper(&self) -> Run<'_> {
+        let mesh = fresh(self.current.mesh());
+        Box::new(move || {
+            let simplified = simplify(&mesh, Some(&self.registered), &tenth(&mesh));
+            drop(black_box(simplified));
+        })
     }
 
-    fn measure(&self, mode: MetricsMode) {
+    fn measure(&self, mode: MetricsMode) -> Run<'_> {
+        Box::new(move || self.measure_now(mode))
+    }
+
+    fn measure_now(&self, mode: MetricsMode) {
         let surface = TriangleTree::new(&self.output).expect("the output has faces");
         let mut metrics = FrameMetrics::default();
         let samples = if mode == MetricsMode::Full {
@@ -265,23 +283,39 @@ impl Together {
     }
 
     /// From the parsed frame on, as a stream does it by default.
-    fn process(&self) {
-        let current = PreparedFrame::new(self.raw.clone(), &mut ()).expect("the frame is usable");
-        let previous = Some(Previous {
-            frame: &self.previous,
-            output: Some(&self.previous_output),
-        });
+    fn process(&self) -> Run<'_> {
+        let prepare = |raw| PreparedFrame::new(raw, &mut ()).expect("the frame is usable");
         let settings = Settings {
             target: TargetSize::Ratio(0.1),
             ..Settings::default()
         };
-        drop(black_box(pipeline::process(
-            &current,
-            previous,
-            &settings,
-            &mut (),
-        )));
+        let previous = prepare(self.previous_raw.clone());
+        // As it comes out of its own turn.
+        pipeline::process(&previous, None, &settings, &mut ()).ok();
+        Box::new(move || {
+            let current = prepare(self.raw.clone());
+            let previous = Some(Previous {
+                frame: &previous,
+                output: Some(&self.previous_output),
+            });
+            let processed = pipeline::process(&current, previous, &settings, &mut ());
+            drop(black_box(processed));
+        })
     }
+}
+
+/// Runs something on a mesh that nobody has looked at.
+fn on_fresh<'a>(mesh: &'a TriangleMesh, run: fn(TriangleMesh)) -> Box<dyn Fn() -> Run<'a> + 'a> {
+    Box::new(move || {
+        let mesh = fresh(mesh);
+        Box::new(move || run(mesh))
+    })
+}
+
+/// The same mesh, with nothing derived from it yet.
+fn fresh(mesh: &TriangleMesh) -> TriangleMesh {
+    let copy = TriangleMesh::new(mesh.positions().to_vec(), mesh.faces().to_vec());
+    copy.expect("it is a mesh")
 }
 
 fn tenth(mesh: &TriangleMesh) -> Options {
