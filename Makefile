@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page fuzz load soak results bench bench-instructions
+.PHONY: demo test lint build page fuzz load soak end-to-end results bench bench-instructions
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -52,6 +52,11 @@ soak:
 load:
 	scripts/install-dependencies build
 	cargo run --release --example load
+
+# docs/REALTIME.md: a rig, the server and a player together, SECONDS (60) a scenario.
+end-to-end: build
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/release/steadymesh scripts/end-to-end $(or $(SECONDS),60) > docs/REALTIME.md.new
+	mv docs/REALTIME.md.new docs/REALTIME.md
 
 # docs/RESULTS.md from the captures in the folder DATA, which are not part of the project.
 results: build

@@ -28,10 +28,10 @@ pub enum Quality {
     /// All of it.
     #[default]
     Full,
-    /// Surface distances of some vertices only, no vertex distances, and without tracking no
-    /// registration.
+    /// Surface distances and flicker of some points only, no vertex distances, and without tracking
+    /// no registration.
     Sampled,
-    /// A coarser registration.
+    /// A coarser registration, and a result that is not fitted to its frame.
     Quick,
     /// No registration, and so no tracking.
     Untracked,

@@ -132,7 +132,7 @@ class FrameMetrics:
     - ``seq``: its number; ``capture_time_us``: microseconds since 1970, if the rig said so.
     - ``tracking``: how it was simplified: ``off`` for a first frame and after a reset.
     - ``quality``: ``full``, or what a live stream under load left out: ``sampled`` (some
-      distances), ``quick`` (a coarser registration), ``untracked`` (no registration).
+      distances), ``quick`` (a coarser registration, no fit), ``untracked`` (no registration).
     - ``reference_seq``: the frame that was registered onto it; None for a first frame and after a
       reset.
     - ``reset``: why it was treated as a first frame although there is one before; None if not.

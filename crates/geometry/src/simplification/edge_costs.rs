@@ -181,12 +181,11 @@ struct Lanes {
 impl Lanes {
     #[inline]
     fn gather(of: [&SeenQuadric; LANES]) -> Self {
-        let lanes = |entry: &dyn Fn(&SeenQuadric) -> f32| f32x8::new(of.map(entry));
         Self {
-            a: std::array::from_fn(|i| lanes(&|q| q.a[i])),
-            b: std::array::from_fn(|i| lanes(&|q| q.b[i])),
-            c: lanes(&|q| q.c),
-            from: std::array::from_fn(|i| lanes(&|q| q.from[i])),
+            a: std::array::from_fn(|i| f32x8::new(of.map(|quadric| quadric.a[i]))),
+            b: std::array::from_fn(|i| f32x8::new(of.map(|quadric| quadric.b[i]))),
+            c: f32x8::new(of.map(|quadric| quadric.c)),
+            from: std::array::from_fn(|i| f32x8::new(of.map(|quadric| quadric.from[i]))),
         }
     }
 
