@@ -229,7 +229,7 @@ impl Together {
     fn register(&self) -> Run<'_> {
         let (source, current) = (fresh(self.previous.mesh()), fresh(self.current.mesh()));
         // Its own simplification asked for them.
-        (source.vertex_normals(), source.mean_edge());
+        black_box((source.vertex_normals(), source.mean_edge()));
         let tree = TriangleTree::new(&current).expect("the frames have faces");
         Box::new(move || {
             let target = Target::of_surface(&current, Arc::new(tree));

@@ -193,12 +193,9 @@ impl TriangleMesh {
     ///
     /// # Panics
     ///
-    /// If there are fewer positions than vertices.
+    /// If there are not as many positions as vertices.
     pub fn with_positions(&self, positions: Vec<Point>) -> Result<Self, InvalidMesh> {
-        assert!(
-            self.vertex_count() <= positions.len(),
-            "a vertex is missing"
-        );
+        assert_eq!(self.vertex_count(), positions.len(), "one for each vertex");
         check_positions(&positions)?;
         Ok(Self::of(positions, Arc::clone(&self.topology)))
     }

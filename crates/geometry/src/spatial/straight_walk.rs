@@ -97,14 +97,26 @@ fn foot(query: &Point, [a, b, c]: &[Point; 3]) -> Foot {
     }
 }
 
-/// Another face on the edge from a corner of `face` to the next.
+/// Faces around a vertex that are looked through, at the most: at a hub of thousands every step would
+/// take as long as a search.
+const MAX_VALENCE: usize = 64;
+
+/// Another face on the edge from a corner of `face` to the next, if there is one and neither end is
+/// known to have too many faces to find it.
 #[inline]
 fn across(mesh: &TriangleMesh, face: u32, from: usize) -> Option<u32> {
-    let faces = mesh.faces();
+    let (faces, around) = (mesh.faces(), mesh.vertex_faces());
     let corners = faces[face as usize];
-    let (one, other) = (corners[from], corners[(from + 1) % 3]);
-    let mut around = mesh.vertex_faces().row(one as usize).iter().copied();
-    around.find(|&next| next != face && faces[next as usize].contains(&other))
+    let (mut one, mut other) = (corners[from], corners[(from + 1) % 3]);
+    if MAX_VALENCE < around.row(one as usize).len() {
+        (one, other) = (other, one);
+    }
+    let around = around.row(one as usize);
+    if MAX_VALENCE < around.len() {
+        return None;
+    }
+    let mut others = around.iter().copied();
+    others.find(|&next| next != face && faces[next as usize].contains(&other))
 }
 
 #[cfg(test)]
@@ -141,6 +153,24 @@ mod tests {
             let cells = column.abs_diff(7) + row.abs_diff(3);
             assert!(found.is_ok() || 6 < cells, "{start}");
         }
+    }
+
+    #[test]
+    fn around_a_hub_the_way_goes_by_the_rim() {
+        let count = 3000;
+        let rim = (0..count).map(|k| f64::from(k) * std::f64::consts::TAU / f64::from(count));
+        let rim = rim.map(|angle| Point::new(angle.cos(), angle.sin(), 0.0));
+        let positions = std::iter::once(Point::origin()).chain(rim).collect();
+        let faces = (0..count)
+            .map(|k| [0, 1 + k, 1 + (k + 1) % count])
+            .collect();
+        let mesh = TriangleMesh::new(positions, faces).unwrap();
+        let middle = |face: usize| {
+            let [a, b, c] = mesh.triangle(face).map(|corner| corner.coords);
+            Point::from((a + b + c) / 3.0)
+        };
+        let found = straight_walk(&mesh, &middle(10), 3).unwrap();
+        assert_eq!(found.face, 10);
     }
 
     #[test]
