@@ -88,6 +88,8 @@ impl TrianglePack {
     /// whose largest coordinate is `extent`; both in the unit in which the mesh's diagonal is 1.
     #[inline]
     pub fn bound(&self, distance: f32, extent: f32) -> f32 {
+        // Before anything is found there is no distance, and nothing times infinity is no number.
+        let distance = distance.min(f32::MAX);
         let rounding = distance * self.slimness + self.slack + ROUNDING * (1.0 + extent);
         let reach = distance * (1.0 + ROUNDING) + rounding;
         reach * reach

@@ -344,6 +344,22 @@ mod tests {
     }
 
     #[test]
+    fn the_closest_of_slivers_and_of_faces_without_area_is_found() {
+        for height in [0.0, 1e-9, 1e-5] {
+            let sliver = |k: u32| {
+                let x = f64::from(k);
+                [[x, 0., 0.], [x, 1., 0.], [x + height, 0.5, 0.]]
+            };
+            let corners: Vec<[f64; 3]> = (0..40).flat_map(sliver).collect();
+            let tree = TriangleTree::new(&cloud_of_triangles(&corners, 1.0)).unwrap();
+            let found = tree.closest(&Point::new(17.1, 0.2, 0.3));
+            assert_eq!(found.face, 17, "{height}");
+            let expected = (0.1_f64 - height * 0.4).hypot(0.3);
+            assert!((found.distance - expected).abs() < 1e-6, "{height}");
+        }
+    }
+
+    #[test]
     fn only_a_point_above_a_face_is_straight_above_it() {
         let mesh = cloud_of_triangles(&[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], 1.0);
         let tree = TriangleTree::new(&mesh).unwrap();
