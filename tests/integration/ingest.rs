@@ -199,7 +199,7 @@ async fn a_live_stream_drops_the_oldest_waiting_frame_and_counts_it() {
         config.streams.defaults.overload = Some(steadymesh_proto::stream::Overload::Live);
     })
     .await;
-    for (seq, body) in frames_of(8000, 8).into_iter().enumerate() {
+    for (seq, body) in frames_of(20_000, 8).into_iter().enumerate() {
         // The answer comes when the frame has been read, so that the queue is what drops.
         let url = server.url(&format!("/v1/streams/demo/frames?seq={seq}"));
         let response = server.client.post(url).body(body).send().await.unwrap();
