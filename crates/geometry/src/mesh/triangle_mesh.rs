@@ -200,7 +200,8 @@ impl TriangleMesh {
         Ok(Self::of(positions, Arc::clone(&self.topology)))
     }
 
-    /// The mesh moved as a whole, with its normals if they are known.
+    /// The mesh moved as a whole. Its normals are those of this one, turned: whether anybody has asked
+    /// for them must not show in a single bit.
     ///
     /// # Errors
     ///
@@ -211,11 +212,9 @@ impl TriangleMesh {
         }
         let positions = self.positions().iter().map(|p| motion * p).collect();
         let moved = self.with_positions(positions)?;
-        if let Some(normals) = self.shape.vertex_normals.get() {
-            let turned = normals.iter().map(|normal| motion * normal).collect();
-            // Nobody else has the new mesh yet.
-            moved.shape.vertex_normals.set(turned).ok();
-        }
+        let turned = self.vertex_normals().iter().map(|normal| motion * normal);
+        // Nobody else has the new mesh yet.
+        moved.shape.vertex_normals.set(turned.collect()).ok();
         Ok(moved)
     }
 
@@ -296,6 +295,24 @@ fn check_positions(positions: &[Point]) -> Result<(), InvalidMesh> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn normals_of_a_moved_mesh_do_not_depend_on_who_asked_before() {
+        let corners = [[0., 0., 0.], [1., 0., 0.3], [0., 1., 0.1], [0.2, 0.3, 1.]];
+        let faces = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let mesh = || {
+            let positions = corners.map(Point::from).to_vec();
+            TriangleMesh::new(positions, faces.clone()).unwrap()
+        };
+        let motion = Isometry3::new(Vector::new(3., -1., 2.), Vector::new(0.4, 0.9, -0.2));
+        let (asked, new) = (mesh(), mesh());
+        let before = asked.vertex_normals().to_vec();
+        let (asked, new) = (asked.moved(&motion).unwrap(), new.moved(&motion).unwrap());
+        assert_eq!(asked.vertex_normals(), new.vertex_normals());
+        for (normal, before) in new.vertex_normals().iter().zip(before) {
+            assert!((normal - motion * before).norm() < 1e-12);
+        }
+    }
 
     #[test]
     fn a_mesh_names_the_vertex_that_is_not_a_number() {
