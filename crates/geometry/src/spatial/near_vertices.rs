@@ -69,3 +69,53 @@ fn lowest_neighbors(mesh: &TriangleMesh) -> Vec<u32> {
     }
     lowest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two waves, one above the other, as one mesh.
+    fn waves(lift: f64) -> TriangleMesh {
+        const SIDE: u32 = 30;
+        let corners = (0..2 * SIDE * SIDE).map(|k| (k / SIDE % SIDE, k % SIDE, k / SIDE / SIDE));
+        let positions = corners.map(|(x, y, sheet)| {
+            let (x, y) = (f64::from(x), f64::from(y));
+            Point::new(x, y, 0.6 * (0.3 * x).sin() + f64::from(sheet) + lift)
+        });
+        let cells =
+            (0..2 * SIDE * SIDE).filter(|k| k % SIDE < SIDE - 1 && k / SIDE % SIDE < SIDE - 1);
+        let faces = cells.flat_map(|k| {
+            let [a, b, c, d] = [k, k + SIDE, k + SIDE + 1, k + 1];
+            [[a, b, c], [a, c, d]]
+        });
+        TriangleMesh::new(positions.collect(), faces.collect()).unwrap()
+    }
+
+    #[test]
+    fn close_to_a_surface_the_points_below_are_about_the_closest_and_never_closer() {
+        let surface = TriangleTree::new(&waves(0.0)).unwrap();
+        let mesh = waves(0.05);
+        let (below, closest) = (
+            near_vertices(&mesh, &surface, 0.15),
+            closest_to_vertices(&mesh, &surface),
+        );
+        let mut sums = (0.0, 0.0);
+        for (below, closest) in below.iter().zip(&closest) {
+            assert!(closest.distance <= below.distance + 1e-12);
+            sums = (sums.0 + below.distance, sums.1 + closest.distance);
+        }
+        assert!(sums.0 < 1.01 * sums.1, "{sums:?}");
+    }
+
+    #[test]
+    fn beyond_its_reach_a_walk_does_not_count() {
+        let surface = TriangleTree::new(&waves(0.0)).unwrap();
+        // Nearer to the upper wave than to the one that its neighbors' walk is on.
+        let mesh = waves(0.8);
+        let found = near_vertices(&mesh, &surface, 0.15);
+        let closest = closest_to_vertices(&mesh, &surface);
+        for (found, closest) in found.iter().zip(&closest) {
+            assert!((found.distance - closest.distance).abs() < 1e-12);
+        }
+    }
+}
