@@ -8,6 +8,7 @@ pub mod otlp;
 pub mod pipeline;
 pub mod server;
 pub mod stopwatch;
+pub mod storage;
 pub mod streams;
 pub mod telemetry;
 pub mod tls;

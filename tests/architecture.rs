@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Which modules of the server may use which others. What is not here may use none.
-const MAY_USE: [(&str, &[&str]); 8] = [
+const MAY_USE: [(&str, &[&str]); 9] = [
     (
         "cli",
         &[
@@ -18,6 +18,7 @@ const MAY_USE: [(&str, &[&str]); 8] = [
             "pipeline",
             "server",
             "stopwatch",
+            "storage",
             "streams",
             "telemetry",
             "tls",
@@ -26,13 +27,24 @@ const MAY_USE: [(&str, &[&str]); 8] = [
     ),
     (
         "config",
-        &["compute", "server", "streams", "telemetry", "webhooks"],
+        &[
+            "compute",
+            "server",
+            "storage",
+            "streams",
+            "telemetry",
+            "webhooks",
+        ],
     ),
-    ("server", &["compute", "stopwatch", "streams", "telemetry"]),
+    (
+        "server",
+        &["compute", "stopwatch", "storage", "streams", "telemetry"],
+    ),
     (
         "streams",
-        &["compute", "pipeline", "stopwatch", "telemetry"],
+        &["compute", "pipeline", "stopwatch", "storage", "telemetry"],
     ),
+    ("storage", &["telemetry"]),
     ("webhooks", &["streams", "telemetry"]),
     ("evaluation", &["pipeline"]),
     ("stopwatch", &["pipeline", "telemetry"]),

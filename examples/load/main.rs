@@ -132,8 +132,13 @@ async fn start_server(change: impl FnOnce(&mut Config)) -> Server {
     change(&mut config);
     let pool = Arc::new(ComputePool::new(config.compute()).unwrap());
     let telemetry = Arc::new(Telemetry::new().unwrap());
-    let registry =
-        Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry)).unwrap();
+    let registry = Registry::new(
+        config.streams(),
+        Arc::clone(&pool),
+        Arc::clone(&telemetry),
+        None,
+    )
+    .unwrap();
     Server::start(config.server(), registry, pool, telemetry)
         .await
         .unwrap()

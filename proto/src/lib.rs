@@ -3,6 +3,7 @@
 //! - [`NativeFrame`]: one frame on its way in, as raw arrays.
 //! - [`DeliveredFrame`]: one simplified frame on its way out, Draco bytes with its metrics.
 //! - [`stream`]: configuration, state, answers and control messages, in JSON.
+//! - [`recording`]: what is recorded, and what a player of it may ask for, in JSON.
 //! - [`metrics`]: the figures that come with every frame.
 //! - [`wording`]: numbers in messages to people.
 //!
@@ -13,6 +14,7 @@
 mod delivered_frame;
 pub mod metrics;
 mod native_frame;
+pub mod recording;
 pub mod stream;
 pub mod wording;
 
@@ -24,3 +26,5 @@ pub use native_frame::{InvalidNativeFrame, NativeFrame, NativeStamps};
 pub const SUBPROTOCOL: &str = "steadymesh.v1";
 /// The content type of a [`NativeFrame`].
 pub const NATIVE_CONTENT_TYPE: &str = "application/vnd.steadymesh.frame";
+/// The content type of a [`DeliveredFrame`].
+pub const DELIVERED_CONTENT_TYPE: &str = "application/vnd.steadymesh.delivered-frame";

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::metrics::Tracking;
+use crate::recording::Record;
 
 /// How a stream's frames are processed: the body of `PUT /v1/streams/{stream}`.
 ///
@@ -31,6 +32,9 @@ pub struct StreamConfig {
     /// What happens when frames come faster than they are processed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overload: Option<Overload>,
+    /// What is recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub record: Option<Record>,
 }
 
 /// How the simplified mesh is compressed.
@@ -96,6 +100,23 @@ pub struct StreamSummary {
     pub latest_seq: Option<u64>,
     /// When it was created, in microseconds since 1970-01-01T00:00:00Z.
     pub created_us: u64,
+    /// The recording that is being made of it; none if none is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recording: Option<RecordingStatus>,
+}
+
+/// A recording that is being made.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordingStatus {
+    /// Its name: it is at `/v1/recordings/{stream}/{id}` once its first second is stored.
+    pub id: String,
+    /// Frames stored, of both tracks.
+    pub frames: u64,
+    /// Frames that could not be stored.
+    pub lost_frames: u64,
+    /// What is wrong with the storage at this moment; none if nothing is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failing: Option<String>,
 }
 
 /// Whether frames come.
@@ -275,6 +296,8 @@ pub enum EndReason {
     Idle,
     /// The server stops.
     Shutdown,
+    /// The recording that was played is over.
+    Finished,
 }
 
 /// An error as RFC 9457 has it: the body of every answer from 400 on.

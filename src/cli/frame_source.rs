@@ -1,6 +1,8 @@
 //! Where `publish` has its frames from.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
+use std::time::SystemTime;
 
 use anyhow::Context;
 use bytes::Bytes;
@@ -12,6 +14,7 @@ use steadymesh_synthetic_rig::{Options, Rig};
 
 use super::frame_files::{expand, format_of};
 use super::progress::progress_bar;
+use crate::stopwatch::microseconds;
 
 /// One take of frames, each ready to be sent any number of times.
 #[derive(Debug)]
@@ -27,8 +30,32 @@ pub(super) enum FrameSource {
 pub(super) struct SourceFrame {
     /// What to call it when something is wrong with it.
     pub name: String,
-    pub content_type: &'static str,
+    pub content_type: Cow<'static, str>,
     pub body: Bytes,
+    /// Of a frame that was recorded: others are numbered and captured as they are sent.
+    pub recorded: Option<Recorded>,
+}
+
+/// What a recorded frame said of itself.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Recorded {
+    pub seq: u64,
+    pub capture_time_us: Option<u64>,
+}
+
+impl SourceFrame {
+    /// When it was captured, in microseconds since 1970: now, unless it was recorded.
+    ///
+    /// # Errors
+    ///
+    /// If it is not 1970 yet.
+    pub fn capture_time_us(&self) -> anyhow::Result<Option<u64>> {
+        if let Some(recorded) = self.recorded {
+            return Ok(recorded.capture_time_us);
+        }
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+        Ok(Some(microseconds(now)))
+    }
 }
 
 impl FrameSource {
@@ -93,14 +120,16 @@ impl FrameSource {
                 let format = format_of(path, &body)?;
                 Ok(SourceFrame {
                     name,
-                    content_type: format.content_type(),
+                    content_type: format.content_type().into(),
                     body: body.into(),
+                    recorded: None,
                 })
             }
             Self::Synthetic(frames) => Ok(SourceFrame {
                 name: format!("synthetic frame {index}"),
-                content_type: Format::Native.content_type(),
+                content_type: Format::Native.content_type().into(),
                 body: frames[index].clone(),
+                recorded: None,
             }),
         }
     }

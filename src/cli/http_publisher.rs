@@ -1,13 +1,12 @@
 //! Sends frames by HTTP, one after the other, and does what the server asks.
 
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use reqwest::{Client, Response, StatusCode, header};
 use steadymesh_proto::stream::{Accepted, Problem};
 
 use super::frame_source::SourceFrame;
 use super::remote::{Refusal, Remote};
-use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -52,14 +51,17 @@ impl HttpPublisher {
     ///
     /// If the server cannot be reached, or would refuse all other frames too.
     pub async fn send(&mut self, frame: &SourceFrame, waits: &mut u64) -> anyhow::Result<Sent> {
-        let captured = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+        let seq = frame.recorded.map(|recorded| recorded.seq);
         let mut url = self.frames.clone();
         {
             let mut query = url.query_pairs_mut();
-            query.append_pair("capture_time_us", &microseconds(captured).to_string());
-            if let Some(seq) = self.next_seq {
+            if let Some(captured) = frame.capture_time_us()? {
+                query.append_pair("capture_time_us", &captured.to_string());
+            }
+            if let Some(seq) = seq.or(self.next_seq) {
                 query.append_pair("seq", &seq.to_string());
-            } else if self.takeover {
+            }
+            if self.next_seq.is_none() && self.takeover {
                 query.append_pair("takeover", "true");
             }
         }
@@ -68,7 +70,7 @@ impl HttpPublisher {
             let request = self
                 .client
                 .post(url.clone())
-                .header(header::CONTENT_TYPE, frame.content_type)
+                .header(header::CONTENT_TYPE, &*frame.content_type)
                 .body(frame.body.clone());
             let response = match request.send().await {
                 Ok(response) => response,

@@ -13,7 +13,10 @@ mod open_files;
 mod output_files;
 mod progress;
 mod publish;
+mod publisher;
+mod recorded;
 mod remote;
+mod replay;
 mod serve;
 mod simplify;
 mod stream_url;
@@ -52,6 +55,8 @@ enum Command {
     Publish(publish::Arguments),
     /// Receive a stream's frames, as a player does.
     Subscribe(subscribe::Arguments),
+    /// Send a recording's raw frames to a stream again.
+    Replay(replay::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
     /// Compare tracking with the original QEM on sequences of frames.
@@ -71,6 +76,7 @@ pub fn run() -> ExitCode {
         Command::Token => token::run(),
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Subscribe(arguments) => subscribe::run(&arguments),
+        Command::Replay(arguments) => replay::run(&arguments),
         Command::Simplify(arguments) => simplify::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
     };

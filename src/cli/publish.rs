@@ -1,26 +1,26 @@
 //! `steadymesh publish`: a capture rig.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use anyhow::bail;
-use clap::{Args, ValueEnum};
+use clap::Args;
 use indicatif::ProgressBar;
-use steadymesh_proto::wording::counted;
 use steadymesh_synthetic_rig::{MAX_VERTEX_COUNT, MIN_VERTEX_COUNT, Options};
 use tokio::time::{MissedTickBehavior, interval};
 
-use super::frame_source::{FrameSource, SourceFrame};
-use super::http_publisher::{HttpPublisher, Sent};
-use super::progress::counter;
-use super::remote::{Remote, RemoteArguments};
-use super::websocket_publisher::WebSocketPublisher;
+use super::frame_source::FrameSource;
+use super::publisher::{self, Publisher, Tally, Transport};
+use super::remote::{Remote, TokenArgument};
+use super::stream_url::StreamUrl;
 
 #[derive(Debug, Args)]
 #[command(override_usage = "steadymesh publish [OPTIONS] <URL> <PATHS...|--synthetic>")]
 pub(super) struct Arguments {
+    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`.
+    #[arg(value_parser = StreamUrl::parse)]
+    url: StreamUrl,
     #[command(flatten)]
-    remote: RemoteArguments,
+    token: TokenArgument,
     #[command(flatten)]
     source: SourceArguments,
     /// Frames per second.
@@ -52,32 +52,9 @@ struct SourceArguments {
     synthetic: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Transport {
-    /// One request a frame.
-    Http,
-    /// One connection, with frames sent ahead as far as the server gives credit.
-    Ws,
-}
-
-/// The publisher of the transport that was asked for.
-enum Publisher {
-    Http(Box<HttpPublisher>),
-    WebSocket(Box<WebSocketPublisher>),
-}
-
-/// What has been done.
-#[derive(Debug, Default)]
-struct Tally {
-    sent: u64,
-    bytes: u64,
-    refused: u64,
-    waits: u64,
-}
-
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let remote = Remote::new(&arguments.remote);
+    let remote = Remote::new(&arguments.url, &arguments.token);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
@@ -105,38 +82,10 @@ async fn publish(
         remote.url.name(),
         remote.url.page()
     ));
-    let started = Instant::now();
-    let mut tally = Tally::default();
-    let progress = counter();
-    let outcome = tokio::select! {
-        outcome = send_all(arguments, remote, source, &mut tally, &progress) => outcome,
-        // Asked to stop, which is the usual end of a rig that loops.
-        signal = super::interrupted() => signal,
-    };
-    progress.finish_and_clear();
-    if outcome.is_err() && tally.sent + tally.refused == 0 {
-        return outcome;
-    }
-    let Tally {
-        sent,
-        bytes,
-        refused,
-        waits,
-    } = tally;
-    let seconds = started.elapsed().as_secs_f64();
-    super::say(&format!(
-        "{} sent in {seconds:.1} s ({:.1} fps, {:.1} Mbit/s), {refused} refused, {} for the server",
-        counted(sent, "frame"),
-        sent as f64 / seconds,
-        bytes as f64 * 8e-6 / seconds,
-        counted(waits, "wait")
-    ));
-    outcome?;
-    if 0 < refused {
-        let was = if refused == 1 { "was" } else { "were" };
-        bail!("{} {was} refused", counted(refused, "frame"));
-    }
-    Ok(())
+    publisher::work(async |tally, progress| {
+        send_all(arguments, remote, source, tally, progress).await
+    })
+    .await
 }
 
 async fn send_all(
@@ -146,16 +95,8 @@ async fn send_all(
     tally: &mut Tally,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
-    let mut publisher = match arguments.transport {
-        Transport::Http => {
-            let publisher = HttpPublisher::new(remote, arguments.takeover)?;
-            Publisher::Http(Box::new(publisher))
-        }
-        Transport::Ws => {
-            let publisher = WebSocketPublisher::connect(remote, arguments.takeover).await?;
-            Publisher::WebSocket(Box::new(publisher))
-        }
-    };
+    let transport = arguments.transport;
+    let mut publisher = Publisher::connect(remote, transport, arguments.takeover).await?;
     let mut pace = interval(Duration::from_secs_f64(1.0 / arguments.fps));
     // A frame that comes late is not made up for: the server would get a burst.
     pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -168,59 +109,6 @@ async fn send_all(
         if !arguments.repeat {
             return publisher.finish(tally, progress).await;
         }
-    }
-}
-
-impl Publisher {
-    async fn send(
-        &mut self,
-        frame: SourceFrame,
-        tally: &mut Tally,
-        progress: &ProgressBar,
-    ) -> anyhow::Result<()> {
-        let bytes = frame.body.len() as u64;
-        match self {
-            Self::Http(publisher) => match publisher.send(&frame, &mut tally.waits).await? {
-                Sent::Accepted => tally.count(1, progress),
-                Sent::Refused(reason) => tally.refuse(&frame.name, &reason, progress),
-            },
-            Self::WebSocket(publisher) => {
-                publisher.send(frame).await?;
-                tally.take(publisher, progress);
-            }
-        }
-        tally.bytes += bytes;
-        Ok(())
-    }
-
-    async fn finish(&mut self, tally: &mut Tally, progress: &ProgressBar) -> anyhow::Result<()> {
-        if let Self::WebSocket(publisher) = self {
-            let finished = publisher.finish().await;
-            tally.take(publisher, progress);
-            finished?;
-        }
-        Ok(())
-    }
-}
-
-impl Tally {
-    fn take(&mut self, publisher: &mut WebSocketPublisher, progress: &ProgressBar) {
-        let news = publisher.progress();
-        self.count(news.accepted, progress);
-        self.waits += news.waits;
-        for (name, reason) in news.refused {
-            self.refuse(&name, &reason, progress);
-        }
-    }
-
-    fn count(&mut self, accepted: u64, progress: &ProgressBar) {
-        self.sent += accepted;
-        progress.inc(accepted);
-    }
-
-    fn refuse(&mut self, name: &str, reason: &str, progress: &ProgressBar) {
-        self.refused += 1;
-        progress.suspend(|| super::say(&format!("{name}: {reason}")));
     }
 }
 

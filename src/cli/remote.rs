@@ -23,13 +23,17 @@ const PATIENCE: Duration = Duration::from_secs(30);
 pub(super) type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
 #[derive(Debug, Args)]
-pub(super) struct RemoteArguments {
-    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`.
-    #[arg(value_parser = StreamUrl::parse)]
-    url: StreamUrl,
+pub(super) struct TokenArgument {
     /// The token, where the server wants one.
     #[arg(long, env = "STEADYMESH_TOKEN", hide_env_values = true)]
     token: Option<String>,
+}
+
+impl TokenArgument {
+    /// The token, if there is one.
+    pub fn get(&self) -> Option<&str> {
+        self.token.as_deref()
+    }
 }
 
 /// A stream on a server.
@@ -41,8 +45,13 @@ pub(super) struct Remote {
 
 impl Remote {
     /// The stream that was named; a token that cannot be sent is wrong usage.
-    pub fn new(arguments: &RemoteArguments) -> Self {
-        let authorization = arguments.token.as_ref().map(|token| {
+    pub fn new(url: &StreamUrl, token: &TokenArgument) -> Self {
+        Self::with_token(url, token.get())
+    }
+
+    /// The same with a token from elsewhere.
+    pub fn with_token(url: &StreamUrl, token: Option<&str>) -> Self {
+        let authorization = token.map(|token| {
             let value = HeaderValue::from_str(&format!("Bearer {token}"));
             // Not refused by the parser, which would show it.
             let mut value = value.unwrap_or_else(|_| {
@@ -52,7 +61,7 @@ impl Remote {
             value
         });
         Self {
-            url: arguments.url.clone(),
+            url: url.clone(),
             authorization,
         }
     }

@@ -8,11 +8,13 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::Args;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
 
 use crate::compute::ComputePool;
 use crate::config::Config;
 use crate::otlp::Traces;
 use crate::server::Server;
+use crate::storage::{Recordings, UnusableStore};
 use crate::streams::Registry;
 use crate::telemetry::{Telemetry, log};
 use crate::webhooks::{Prepared, Webhooks};
@@ -76,8 +78,23 @@ async fn serve(arguments: &Arguments, config: &Config) -> anyhow::Result<()> {
     let pool =
         Arc::new(ComputePool::new(config.compute()).context("the threads cannot be started")?);
     let telemetry = Arc::new(Telemetry::new().context("the metrics cannot be registered")?);
-    let registry = Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry))
-        .context(UNUSABLE_DEFAULTS)?;
+    let recordings = config.recordings().map(|options| {
+        let opened = Recordings::open(options, Arc::clone(&telemetry))?;
+        Ok::<_, UnusableStore>(Arc::new(opened))
+    });
+    let recordings = recordings.transpose()?;
+    let registry = Registry::new(
+        config.streams(),
+        Arc::clone(&pool),
+        Arc::clone(&telemetry),
+        recordings.clone(),
+    )
+    .context(UNUSABLE_DEFAULTS)?;
+    let stop_tidying = CancellationToken::new();
+    let _stops_tidying = stop_tidying.clone().drop_guard();
+    if let Some(recordings) = &recordings {
+        tokio::spawn(Arc::clone(recordings).keep_tidy(stop_tidying));
+    }
     super::open_files::allow(config.limits.connections);
     let threads = pool.thread_count();
     let webhooks = Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry))?;

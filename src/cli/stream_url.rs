@@ -1,16 +1,21 @@
-//! The address of a stream, as people write it.
+//! The address of a stream or of a recording, as people write it.
 
 use reqwest::Url;
 
+use crate::storage::RecordingKey;
 use crate::streams::StreamName;
 
 const EXAMPLE: &str = "http://127.0.0.1:8080/v1/streams/demo";
+const RECORDING_EXAMPLE: &str = "http://127.0.0.1:8080/v1/recordings/demo/20261129T215703Z-3f9a";
+const RECORDINGS: &str = "v1/recordings/";
 
-/// A stream on a server.
+/// A stream on a server, or a recording of one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct StreamUrl {
     server: Url,
     name: StreamName,
+    /// The recording's id, if it is one.
+    recording: Option<String>,
 }
 
 impl StreamUrl {
@@ -21,24 +26,60 @@ impl StreamUrl {
     ///
     /// What is wrong with it.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let url = Url::parse(text).ok();
-        let web = url.filter(|url| matches!(url.scheme(), "http" | "https"));
-        let mut server = web.ok_or_else(|| {
-            format!(
-                "an address that begins with http:// or https:// is expected, such as {EXAMPLE}"
-            )
-        })?;
-        let path = server.path().trim_matches('/').to_owned();
+        let (server, path) = split(text, EXAMPLE)?;
         let name = ["v1/streams/", "watch/"]
             .iter()
             .find_map(|prefix| path.strip_prefix(prefix))
             .unwrap_or(&path);
         let name = StreamName::parse(name)
             .map_err(|error| format!("it does not name a stream, as {EXAMPLE} does: {error}"))?;
-        server.set_path("/");
-        server.set_query(None);
-        server.set_fragment(None);
-        Ok(Self { server, name })
+        Ok(Self {
+            server,
+            name,
+            recording: None,
+        })
+    }
+
+    /// Reads `http://host:port/v1/recordings/NAME/ID`.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with it.
+    pub fn parse_recording(text: &str) -> Result<Self, String> {
+        let (server, path) = split(text, RECORDING_EXAMPLE)?;
+        let parts = path
+            .strip_prefix(RECORDINGS)
+            .and_then(|rest| rest.split_once('/'));
+        let named = parts.and_then(|(name, id)| {
+            let name = StreamName::parse(name).ok()?;
+            RecordingKey::is_id(id).then(|| (name, id.to_owned()))
+        });
+        let (name, id) = named
+            .ok_or_else(|| format!("it does not name a recording, as {RECORDING_EXAMPLE} does"))?;
+        Ok(Self {
+            server,
+            name,
+            recording: Some(id),
+        })
+    }
+
+    /// Reads either.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with it.
+    pub fn parse_any(text: &str) -> Result<Self, String> {
+        let is_recording = split(text, EXAMPLE).is_ok_and(|(_, path)| path.starts_with(RECORDINGS));
+        if is_recording {
+            Self::parse_recording(text)
+        } else {
+            Self::parse(text)
+        }
+    }
+
+    /// Whether it is a recording.
+    pub fn is_recording(&self) -> bool {
+        self.recording.is_some()
     }
 
     /// The stream's name.
@@ -54,7 +95,11 @@ impl StreamUrl {
     /// An address under the stream's own, such as `frames`.
     pub fn under(&self, part: &str) -> Url {
         let mut url = self.server.clone();
-        url.set_path(&format!("/v1/streams/{}/{part}", self.name));
+        let slash = if part.is_empty() { "" } else { "/" };
+        url.set_path(&match &self.recording {
+            None => format!("/v1/streams/{}{slash}{part}", self.name),
+            Some(id) => format!("/{RECORDINGS}{}/{id}{slash}{part}", self.name),
+        });
         url
     }
 
@@ -71,6 +116,20 @@ impl StreamUrl {
     pub fn server(&self) -> String {
         self.server.origin().ascii_serialization()
     }
+}
+
+/// The server's address, and the path below it.
+fn split(text: &str, example: &str) -> Result<(Url, String), String> {
+    let url = Url::parse(text).ok();
+    let web = url.filter(|url| matches!(url.scheme(), "http" | "https"));
+    let mut server = web.ok_or_else(|| {
+        format!("an address that begins with http:// or https:// is expected, such as {example}")
+    })?;
+    let path = server.path().trim_matches('/').to_owned();
+    server.set_path("/");
+    server.set_query(None);
+    server.set_fragment(None);
+    Ok((server, path))
 }
 
 #[cfg(test)]
@@ -97,6 +156,20 @@ mod tests {
             expected.websocket_under("publish", &[("session", "a?b")]),
             "ws://127.0.0.1:8080/v1/streams/demo/publish?session=a%3Fb"
         );
+    }
+
+    #[test]
+    fn a_recordings_address_is_one_of_its_own() {
+        let recording = StreamUrl::parse_any(RECORDING_EXAMPLE).unwrap();
+        assert_eq!(
+            recording.under("play").as_str(),
+            format!("{RECORDING_EXAMPLE}/play")
+        );
+        assert_eq!(recording.under("").as_str(), RECORDING_EXAMPLE);
+        assert!(recording.is_recording() && !StreamUrl::parse_any(EXAMPLE).unwrap().is_recording());
+        assert!(StreamUrl::parse(RECORDING_EXAMPLE).is_err());
+        let error = StreamUrl::parse_any("http://h/v1/recordings/demo/latest").unwrap_err();
+        assert!(error.contains(RECORDING_EXAMPLE), "{error}");
     }
 
     #[test]

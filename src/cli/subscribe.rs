@@ -13,12 +13,17 @@ use steadymesh_proto::wording::counted;
 use tokio_tungstenite::tungstenite::Message;
 
 use super::progress::counter;
-use super::remote::{Remote, RemoteArguments};
+use super::remote::{Remote, TokenArgument};
+use super::stream_url::StreamUrl;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
+    /// The stream, such as `http://127.0.0.1:8080/v1/streams/demo`, or a recording of one, which is
+    /// under /v1/recordings.
+    #[arg(value_parser = StreamUrl::parse_any)]
+    url: StreamUrl,
     #[command(flatten)]
-    remote: RemoteArguments,
+    token: TokenArgument,
     /// The folder for frames (`000041.drc`) and `metrics.jsonl`; made if it does not exist.
     /// Without it, the metrics go to standard output.
     #[arg(long, value_name = "DIR")]
@@ -38,7 +43,7 @@ struct Output {
 
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let remote = Remote::new(&arguments.remote);
+    let remote = Remote::new(&arguments.url, &arguments.token);
     let mut output = Output::open(arguments.output.as_deref())?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -72,7 +77,12 @@ async fn receive(
     output: &mut Output,
     progress: &ProgressBar,
 ) -> anyhow::Result<()> {
-    let mut socket = remote.connect("subscribe", &[]).await?;
+    let part = if remote.url.is_recording() {
+        "play"
+    } else {
+        "subscribe"
+    };
+    let mut socket = remote.connect(part, &[]).await?;
     while limit.is_none_or(|limit| progress.position() < limit) {
         let Some(message) = socket.next().await else {
             bail!("the connection ended without a farewell");
@@ -149,6 +159,7 @@ fn why(reason: EndReason) -> &'static str {
         EndReason::Deleted => "it was deleted",
         EndReason::Idle => "no frame had come for a long time",
         EndReason::Shutdown => "the server stops",
+        EndReason::Finished => "the recording is over",
     }
 }
 

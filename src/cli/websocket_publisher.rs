@@ -1,7 +1,7 @@
 //! Sends frames by WebSocket, as many ahead as the server gives credit for.
 
 use std::collections::VecDeque;
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use futures_util::{FutureExt, SinkExt, StreamExt};
@@ -11,7 +11,6 @@ use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 
 use super::frame_source::SourceFrame;
 use super::remote::{Refusal, Remote, Socket};
-use crate::stopwatch::microseconds;
 
 /// A server that restarts is back within this time; one that is not is given up.
 const PATIENCE: Duration = Duration::from_secs(30);
@@ -46,7 +45,7 @@ pub(super) struct WebSocketPublisher {
 struct Unanswered {
     message: u64,
     seq: u64,
-    capture_time_us: u64,
+    capture_time_us: Option<u64>,
     frame: SourceFrame,
 }
 
@@ -86,7 +85,6 @@ impl WebSocketPublisher {
     ///
     /// If the server stays away, or does not want this publisher any more.
     pub async fn send(&mut self, frame: SourceFrame) -> anyhow::Result<()> {
-        let captured = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
         self.read_what_is_there().await?;
         if self.credit <= self.messages {
             self.progress.waits += 1;
@@ -94,13 +92,16 @@ impl WebSocketPublisher {
         while self.credit <= self.messages {
             self.read_one().await?;
         }
+        let seq = frame
+            .recorded
+            .map_or(self.next_seq, |recorded| recorded.seq);
         let unanswered = Unanswered {
             message: self.messages,
-            seq: self.next_seq,
-            capture_time_us: microseconds(captured),
+            seq,
+            capture_time_us: frame.capture_time_us()?,
             frame,
         };
-        self.next_seq += 1;
+        self.next_seq = seq + 1;
         let sent = self.put(&unanswered).await;
         self.unanswered.push_back(unanswered);
         match sent {
@@ -131,7 +132,7 @@ impl WebSocketPublisher {
     async fn put(&mut self, unanswered: &Unanswered) -> anyhow::Result<()> {
         let about = serde_json::to_string(&PublisherMessage::Frame {
             seq: Some(unanswered.seq),
-            capture_time_us: Some(unanswered.capture_time_us),
+            capture_time_us: unanswered.capture_time_us,
         })?;
         self.messages += 1;
         self.socket

@@ -137,12 +137,18 @@ impl Config {
                 "limits.decode_memory_bytes",
                 self.limits.decode_memory_bytes,
             ),
+            ("limits.playbacks", self.limits.playbacks),
             ("streams.max", self.streams.max),
             ("streams.queue_depth", self.streams.queue_depth),
             ("streams.parallel_frames", self.streams.parallel_frames),
             ("streams.history", self.streams.history),
             ("streams.history_bytes", self.streams.history_bytes),
             ("streams.subscriber_queue", self.streams.subscriber_queue),
+            ("recordings.queue_bytes", self.recordings.queue_bytes),
+            (
+                "recordings.sweep_interval_secs",
+                usize::from(self.recordings.sweep_interval_secs != 0),
+            ),
         ];
         match at_least_one.into_iter().find(|(_, value)| *value == 0) {
             Some((name, _)) => Err(ConfigError::Zero { name }),
@@ -171,6 +177,11 @@ impl Config {
                 self.compute.threads != new.compute.threads,
             ),
             ("compute.queue", self.compute.queue != new.compute.queue),
+            ("recordings", self.recordings != new.recordings),
+            (
+                "limits.playbacks",
+                self.limits.playbacks != new.limits.playbacks,
+            ),
             (
                 "limits.memory_bytes",
                 self.limits.memory_bytes != new.limits.memory_bytes,

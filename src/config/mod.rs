@@ -9,6 +9,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use serde::{Deserialize, Serialize};
 use steadymesh_proto::stream::StreamConfig;
+use url::Url;
 
 use crate::server::{TlsOptions, auth};
 use crate::streams::StreamRule;
@@ -43,8 +44,36 @@ pub struct Config {
     pub limits: RequestLimits,
     /// How streams are kept.
     pub streams: Streams,
+    /// Where they are recorded.
+    pub recordings: Recordings,
     /// Who is told what happens to them.
     pub webhooks: webhooks::Options,
+}
+
+/// Where streams are recorded, and how much of them is kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Recordings {
+    /// A folder (`file:///…`) or an object store (`s3://…`, `gs://…`, `az://…`); without it nothing
+    /// is recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub url: Option<Url>,
+    /// Seconds of a segment: what a crash may lose.
+    pub segment_secs: f64,
+    /// Bytes at which a segment ends before its time.
+    pub segment_bytes: u64,
+    /// Bytes of frames that may wait to be written, over all streams.
+    pub queue_bytes: usize,
+    /// Seconds after which what was recorded is taken away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_age_secs: Option<u64>,
+    /// Bytes over which the oldest is taken away.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_bytes: Option<u64>,
+    /// Seconds between two looks at what is to be taken away.
+    pub sweep_interval_secs: u64,
+    /// Seconds that the last frames of a recording may take to be written.
+    pub farewell_secs: u64,
 }
 
 /// The threads that compute.
@@ -87,6 +116,8 @@ pub struct RequestLimits {
     pub connections_per_address: usize,
     /// Players of one stream.
     pub subscribers_per_stream: usize,
+    /// Recordings that are played at a time.
+    pub playbacks: usize,
     /// Seconds until a request's head must be complete.
     pub header_timeout_secs: u64,
     /// Seconds until a request's body must be complete.
@@ -140,7 +171,24 @@ impl Default for Config {
             compute: Compute::default(),
             limits: RequestLimits::default(),
             streams: Streams::default(),
+            recordings: Recordings::default(),
             webhooks: webhooks::Options::default(),
+        }
+    }
+}
+
+impl Default for Recordings {
+    /// Less than a second is lost in a crash, the time of writing included.
+    fn default() -> Self {
+        Self {
+            url: None,
+            segment_secs: 0.8,
+            segment_bytes: 32 << 20,
+            queue_bytes: 128 << 20,
+            max_age_secs: None,
+            max_bytes: None,
+            sweep_interval_secs: 60,
+            farewell_secs: 5,
         }
     }
 }
@@ -166,6 +214,7 @@ impl Default for RequestLimits {
             connections: 1000,
             connections_per_address: 1000,
             subscribers_per_stream: 1000,
+            playbacks: 100,
             header_timeout_secs: 10,
             body_timeout_secs: 30,
             idle_timeout_secs: 75,

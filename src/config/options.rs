@@ -5,7 +5,7 @@ use std::time::Duration;
 use steadymesh_mesh_io::Limits;
 
 use super::Config;
-use crate::{compute, server, streams};
+use crate::{compute, server, storage, streams};
 
 impl Config {
     /// For the pool.
@@ -41,7 +41,25 @@ impl Config {
             },
             defaults: self.streams.defaults.clone(),
             rules: self.streams.rules.clone(),
+            records: self.recordings.url.is_some(),
         }
+    }
+
+    /// For the recordings, if there are to be any.
+    #[must_use]
+    pub fn recordings(&self) -> Option<storage::Options> {
+        let own = &self.recordings;
+        Some(storage::Options {
+            url: own.url.clone()?,
+            // Checked when the store is opened: what is no duration is out of range.
+            segment: Duration::try_from_secs_f64(own.segment_secs).unwrap_or_default(),
+            segment_bytes: own.segment_bytes,
+            queue_bytes: own.queue_bytes,
+            max_age: own.max_age_secs.map(Duration::from_secs),
+            max_bytes: own.max_bytes,
+            sweep_interval: Duration::from_secs(own.sweep_interval_secs),
+            farewell: Duration::from_secs(own.farewell_secs),
+        })
     }
 
     /// For the server.
@@ -58,6 +76,7 @@ impl Config {
             max_connections: self.limits.connections,
             max_connections_per_address: self.limits.connections_per_address,
             max_subscribers: self.limits.subscribers_per_stream,
+            max_playbacks: self.limits.playbacks,
             shutdown_grace: Duration::from_secs(self.shutdown_grace_secs),
             max_body_bytes: self.limits.body_bytes,
             header_timeout: Duration::from_secs(self.limits.header_timeout_secs),

@@ -6,6 +6,8 @@ use axum::Json;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{StreamConfig, StreamList, StreamSummary};
 
 use crate::streams::StreamName;
@@ -75,4 +77,36 @@ pub(super) async fn delete_stream(
     } else {
         Err(Problem::no_stream(&name))
     }
+}
+
+/// The body of `PUT /v1/streams/{stream}/recording`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Recorded {
+    record: Record,
+}
+
+/// `PUT /v1/streams/{stream}/recording`.
+pub(super) async fn put_recording(
+    State(app): State<Arc<App>>,
+    Asking { name, credential }: Asking,
+    Strict(NoParameters {}): Strict<NoParameters>,
+    JsonBody(Recorded { record }): JsonBody<Recorded>,
+) -> Result<Json<StreamSummary>, Problem> {
+    app.authorize(&credential, Scope::Publish, &name)?;
+    let stream = app.registry.record(&name, record)?;
+    let stream = stream.ok_or_else(|| Problem::no_stream(&name))?;
+    Ok(Json(stream.summary()))
+}
+
+/// `DELETE /v1/streams/{stream}/recording`: what has been recorded stays.
+pub(super) async fn delete_recording(
+    State(app): State<Arc<App>>,
+    Asking { name, credential }: Asking,
+    Strict(NoParameters {}): Strict<NoParameters>,
+) -> Result<StatusCode, Problem> {
+    app.authorize(&credential, Scope::Publish, &name)?;
+    let stream = app.registry.record(&name, Record::Off)?;
+    stream.ok_or_else(|| Problem::no_stream(&name))?;
+    Ok(StatusCode::NO_CONTENT)
 }

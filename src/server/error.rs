@@ -176,6 +176,30 @@ impl Problem {
         Self::new(status, "frame-lost", "The frame did not come out", detail).retry_after(SOON_MS)
     }
 
+    /// A recording that goes on cannot be taken away.
+    pub fn goes_on(detail: impl Into<String>) -> Self {
+        let title = "The recording goes on";
+        Self::new(StatusCode::CONFLICT, "recording-goes-on", title, detail)
+    }
+
+    /// What was recorded is not what is there.
+    pub fn damaged(detail: impl Into<String>) -> Self {
+        let status = StatusCode::INTERNAL_SERVER_ERROR;
+        Self::new(status, "damaged", "The recording is damaged", detail)
+    }
+
+    /// The store of recordings does not answer.
+    pub fn storage(detail: impl Into<String>) -> Self {
+        let status = StatusCode::SERVICE_UNAVAILABLE;
+        Self::new(
+            status,
+            "storage",
+            "The recordings cannot be reached",
+            detail,
+        )
+        .retry_after(SOON_MS)
+    }
+
     /// A defect of the server.
     pub fn defect(detail: impl Into<String>) -> Self {
         let status = StatusCode::INTERNAL_SERVER_ERROR;

@@ -11,14 +11,16 @@ use serde::{Deserialize, Serialize};
 use steadymesh_mesh_io::glb::DracoInfo;
 use steadymesh_mesh_io::{Format, Limits, drc, glb, ply};
 use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::recording::Track;
 
 use crate::compute::Length;
+use crate::storage::ReadFailed;
 use crate::streams::{Delivered, Loss, Outcome, Stream, StreamName};
 
-use super::App;
 use super::auth::Scope;
 use super::error::Problem;
 use super::extract::{Asking, NoParameters, Strict};
+use super::{App, recordings};
 
 /// A frame does not change, but its number comes again when the stream is deleted and begun
 /// anew: caches are asked to look again after this many seconds.
@@ -71,7 +73,7 @@ pub(super) async fn get_frame(
         .registry
         .get(&name)
         .ok_or_else(|| Problem::no_stream(&name))?;
-    let frame = find(&stream, which)?;
+    let frame = find(&app, &stream, which).await?;
     let seq = frame.metrics.seq;
     let etag = format!("\"{:x}-{seq}-{}\"", stream.created_us(), format.extension());
     let cache = match which {
@@ -90,8 +92,8 @@ pub(super) async fn get_frame(
         return Ok((StatusCode::NOT_MODIFIED, common).into_response());
     }
     let bytes = match format {
-        Format::Drc => frame.mesh.clone(),
-        _ => convert(&app, &frame, format).await?,
+        Format::Drc => frame.mesh,
+        _ => convert(&app, frame.mesh, format).await?,
     };
     let content_type = HeaderValue::from_static(format.content_type());
     Ok((common, [(header::CONTENT_TYPE, content_type)], bytes).into_response())
@@ -114,7 +116,7 @@ pub(super) async fn get_frame_metrics(
         .registry
         .get(&name)
         .ok_or_else(|| Problem::no_stream(&name))?;
-    let frame = find(&stream, which)?;
+    let frame = find(&app, &stream, which).await?;
     Ok(([(header::CACHE_CONTROL, "no-cache")], Json(&frame.metrics)).into_response())
 }
 
@@ -137,18 +139,35 @@ pub(super) async fn get_metrics(
     Ok(([(header::CACHE_CONTROL, "no-cache")], Json(list)).into_response())
 }
 
-fn find(stream: &Stream, which: Which) -> Result<Arc<Delivered>, Problem> {
+/// A frame that is out.
+pub(super) struct Frame {
+    pub metrics: FrameMetrics,
+    /// The Draco bytes.
+    pub mesh: Bytes,
+}
+
+impl From<Arc<Delivered>> for Frame {
+    fn from(frame: Arc<Delivered>) -> Self {
+        Self {
+            metrics: frame.metrics.clone(),
+            mesh: frame.mesh.clone(),
+        }
+    }
+}
+
+/// A frame that the stream remembers, or that its recording has.
+async fn find(app: &App, stream: &Stream, which: Which) -> Result<Frame, Problem> {
     let name = stream.name();
     let seq = match which {
         Which::Latest => {
-            return stream.newest().ok_or_else(|| {
+            return stream.newest().map(Frame::from).ok_or_else(|| {
                 Problem::not_found(format!("no frame of the stream {name} is out yet"))
             });
         }
         Which::Number(seq) => seq,
     };
     match stream.find(seq) {
-        Some(Outcome::Delivered(frame)) => Ok(frame),
+        Some(Outcome::Delivered(frame)) => Ok(frame.into()),
         Some(Outcome::Lost(loss)) => Err(Problem::not_found(format!(
             "frame {seq} of the stream {name} did not come out: {}",
             match loss {
@@ -156,7 +175,34 @@ fn find(stream: &Stream, which: Which) -> Result<Arc<Delivered>, Problem> {
                 Loss::Failed => "it could not be processed",
             }
         ))),
-        None => Err(Problem::not_found(not_there(stream, name, seq))),
+        None => match recorded(app, stream, seq).await? {
+            Some(frame) => Ok(frame),
+            None => Err(Problem::not_found(not_there(stream, name, seq))),
+        },
+    }
+}
+
+/// An older frame than the stream remembers, if it is being recorded.
+async fn recorded(app: &App, stream: &Stream, seq: u64) -> Result<Option<Frame>, Problem> {
+    let is_older = stream.remembered().is_some_and(|(oldest, _)| seq < oldest);
+    let (Some(key), Ok(recordings)) = (stream.recording().key(), app.recordings()) else {
+        return Ok(None);
+    };
+    if !is_older {
+        return Ok(None);
+    }
+    let found = match recordings.find(&key).await {
+        Ok(recording) => recording.frame(Track::Output, seq).await,
+        Err(error) => Err(error),
+    };
+    match found {
+        Ok(stored) => recordings::frame(stored).map(Some),
+        Err(
+            ReadFailed::NoRecording { .. }
+            | ReadFailed::NoTrack { .. }
+            | ReadFailed::NoFrame { .. },
+        ) => Ok(None),
+        Err(error) => Err(error.into()),
     }
 }
 
@@ -169,15 +215,12 @@ fn not_there(stream: &Stream, name: &StreamName, seq: u64) -> String {
     }
 }
 
-/// Writes the frame in another format, on the pool.
-async fn convert(app: &App, frame: &Arc<Delivered>, format: Format) -> Result<Bytes, Problem> {
-    let frame = Arc::clone(frame);
+/// Writes Draco bytes in another format, on the pool.
+pub(super) async fn convert(app: &App, mesh: Bytes, format: Format) -> Result<Bytes, Problem> {
     let job = move || -> Option<Bytes> {
         let bytes = match format {
-            Format::Glb => {
-                glb::wrap_draco(&frame.mesh, &DracoInfo::read(&frame.mesh, &UNLIMITED).ok()?)
-            }
-            _ => ply::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?),
+            Format::Glb => glb::wrap_draco(&mesh, &DracoInfo::read(&mesh, &UNLIMITED).ok()?),
+            _ => ply::write(&drc::read(&mesh, &UNLIMITED).ok()?),
         };
         Some(Bytes::from(bytes))
     };
@@ -187,22 +230,30 @@ async fn convert(app: &App, frame: &Arc<Delivered>, format: Format) -> Result<By
 
 fn parse_file(file: &str) -> Option<(Which, Format)> {
     let (which, extension) = file.rsplit_once('.')?;
-    let format = match extension {
-        "drc" => Format::Drc,
-        "glb" => Format::Glb,
-        "ply" => Format::Ply,
-        _ => return None,
-    };
+    let format = parse_extension(extension)?;
     Some((parse_which(which)?, format))
+}
+
+/// The formats in which frames can be had.
+pub(super) fn parse_extension(extension: &str) -> Option<Format> {
+    let formats = [Format::Drc, Format::Glb, Format::Ply];
+    formats
+        .into_iter()
+        .find(|format| format.extension() == extension)
 }
 
 fn parse_which(text: &str) -> Option<Which> {
     match text {
         "latest" => Some(Which::Latest),
-        // A plus sign, which `parse` would take, is not part of a number here.
-        _ if !text.bytes().all(|b| b.is_ascii_digit()) => None,
-        _ => text.parse().ok().map(Which::Number),
+        _ => parse_number(text).map(Which::Number),
     }
+}
+
+/// A frame's number as it stands in a path.
+pub(super) fn parse_number(text: &str) -> Option<u64> {
+    // A plus sign, which `parse` would take, is not part of a number here.
+    let is_number = text.bytes().all(|b| b.is_ascii_digit());
+    is_number.then(|| text.parse().ok()).flatten()
 }
 
 /// Whether the client has this version already (RFC 9110, 13.1.2).

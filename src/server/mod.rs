@@ -16,9 +16,11 @@ mod host;
 mod ingest;
 mod internal;
 mod origin;
+mod playback;
 mod player;
 mod prefer;
 mod publish;
+mod recordings;
 mod request_log;
 mod router;
 mod socket;
@@ -43,6 +45,7 @@ use serde::{Deserialize, Serialize};
 use socket2::{Domain, Socket, Type};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tokio_util::task::TaskTracker;
 
@@ -85,6 +88,8 @@ pub struct Options {
     pub max_connections_per_address: usize,
     /// Most players of a stream.
     pub max_subscribers: usize,
+    /// Most recordings that are played at a time.
+    pub max_playbacks: usize,
     /// How long a request's head may take.
     pub header_timeout: Duration,
     /// How long a request's body may take.
@@ -132,6 +137,8 @@ struct App {
     sockets: TaskTracker,
     /// Bytes of frames that are being received.
     memory: Memory,
+    /// Recordings that may be played beside those that are.
+    playbacks: Arc<Semaphore>,
     /// Where the public listener listens, whatever a later configuration says.
     listens_on: SocketAddr,
 }
@@ -213,6 +220,9 @@ impl Server {
             telemetry,
             pool,
             memory: Memory::new(options.max_memory_bytes),
+            playbacks: Arc::new(Semaphore::new(
+                options.max_playbacks.min(Semaphore::MAX_PERMITS),
+            )),
             listens_on: public.1,
             options: ArcSwap::from_pointee(options),
             auth: ArcSwap::from_pointee(auth),

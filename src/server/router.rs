@@ -11,8 +11,8 @@ use tower_http::catch_panic::CatchPanicLayer;
 
 use super::error::Problem;
 use super::{
-    App, access, control, description, frames, host, ingest, origin, player, publish, request_log,
-    subscribe,
+    App, access, control, description, frames, host, ingest, origin, playback, player, publish,
+    recordings, request_log, subscribe,
 };
 
 /// A configuration is a few hundred bytes.
@@ -24,6 +24,7 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .get(control::get_stream)
         .delete(control::delete_stream);
     let frame_metrics = get(frames::get_frame_metrics);
+    let tape = put(control::put_recording).delete(control::delete_recording);
     Router::new()
         .route("/", get(player::index))
         .route("/watch/{stream}", get(player::watch))
@@ -39,6 +40,9 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/v1/streams/{stream}/metrics", get(frames::get_metrics))
         .route("/v1/streams/{stream}/publish", get(publish::publish))
         .route("/v1/streams/{stream}/subscribe", get(subscribe::subscribe))
+        .route("/v1/streams/{stream}/recording", tape)
+        .route("/v1/recordings", get(recordings::list))
+        .nest("/v1/recordings/{stream}/{id}", recording())
         .fallback(not_found)
         .method_not_allowed_fallback(method_not_allowed)
         .layer(middleware::from_fn_with_state(
@@ -60,6 +64,18 @@ pub(super) fn router(app: Arc<App>) -> Router {
         ))
         .layer(middleware::from_fn(request_log::log))
         .with_state(app)
+}
+
+/// What is under a recording.
+fn recording() -> Router<Arc<App>> {
+    let one = get(recordings::get_recording).delete(recordings::delete_recording);
+    Router::new()
+        .route("/", one)
+        .route("/frames", get(recordings::get_frames))
+        .route("/frames/{file}", get(recordings::get_frame))
+        .route("/frames/{seq}/metrics", get(recordings::get_frame_metrics))
+        .route("/raw/{seq}", get(recordings::get_raw_frame))
+        .route("/play", get(playback::play))
 }
 
 async fn not_found(request: Request) -> Problem {

@@ -181,6 +181,7 @@ pub(super) fn close_of(reason: EndReason) -> (u16, &'static str) {
         EndReason::Deleted => (close_code::NORMAL, "the stream was deleted"),
         EndReason::Idle => (close_code::NORMAL, "the stream ended for lack of frames"),
         EndReason::Shutdown => (close_code::AWAY, "the server is stopping"),
+        EndReason::Finished => (close_code::NORMAL, "the recording is over"),
     }
 }
 

@@ -19,6 +19,7 @@ mod registry;
 mod settings;
 mod stream;
 mod subscription;
+mod tape;
 mod task;
 
 pub use events::{Figures, FrameEvent, Life, LifeEvent, Listener};
@@ -32,3 +33,4 @@ pub use registry::{NotConfigured, Options, Registry};
 pub use settings::{Configured, InvalidConfig, POSITION_BITS, StreamRule};
 pub use stream::Stream;
 pub use subscription::{Delivery, Seat, Subscription};
+pub use tape::Tape;

@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use arc_swap::ArcSwap;
 use steadymesh_mesh_io::Limits;
+use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{StreamConfig, StreamSummary};
 use tokio_util::task::TaskTracker;
 
 use crate::compute::ComputePool;
+use crate::storage::Recordings;
 use crate::telemetry::Telemetry;
 
 use super::StreamName;
@@ -47,6 +49,8 @@ pub struct Options {
     pub defaults: StreamConfig,
     /// What comes before `defaults` for some streams; the first that matches counts.
     pub rules: Vec<StreamRule>,
+    /// Whether there is a place for recordings.
+    pub records: bool,
 }
 
 impl Options {
@@ -63,7 +67,17 @@ impl Options {
             Some(&self.defaults),
         ];
         let layers: Vec<_> = layers.into_iter().flatten().collect();
-        Configured::new(&layers, self.limits.max_faces)
+        self.check_layers(&layers)
+    }
+
+    fn check_layers(&self, layers: &[&StreamConfig]) -> Result<Configured, InvalidConfig> {
+        let configured = Configured::new(layers, self.limits.max_faces)?;
+        if configured.record != Record::Off && !self.records {
+            return Err(InvalidConfig::NoRecordings {
+                found: configured.record,
+            });
+        }
+        Ok(configured)
     }
 
     /// Checks the defaults.
@@ -72,9 +86,9 @@ impl Options {
     ///
     /// [`InvalidConfig`] names the value and its range.
     pub fn check(&self) -> Result<(), InvalidConfig> {
-        Configured::new(&[&self.defaults], self.limits.max_faces)?;
+        self.check_layers(&[&self.defaults])?;
         for rule in &self.rules {
-            Configured::new(&[&rule.defaults, &self.defaults], self.limits.max_faces)?;
+            self.check_layers(&[&rule.defaults, &self.defaults])?;
         }
         Ok(())
     }
@@ -110,12 +124,13 @@ struct Shared {
     tasks: TaskTracker,
     pool: Arc<ComputePool>,
     telemetry: Arc<Telemetry>,
+    recordings: Option<Arc<Recordings>>,
     events: Events,
     options: ArcSwap<Options>,
 }
 
 impl Registry {
-    /// No streams yet.
+    /// No streams yet. They are recorded in `recordings`, if there are any.
     ///
     /// # Errors
     ///
@@ -124,6 +139,7 @@ impl Registry {
         options: Options,
         pool: Arc<ComputePool>,
         telemetry: Arc<Telemetry>,
+        recordings: Option<Arc<Recordings>>,
     ) -> Result<Self, InvalidConfig> {
         options.check()?;
         Ok(Self {
@@ -132,6 +148,7 @@ impl Registry {
                 tasks: TaskTracker::new(),
                 pool,
                 telemetry,
+                recordings,
                 events: Events::default(),
                 options: ArcSwap::from_pointee(options),
             }),
@@ -200,6 +217,35 @@ impl Registry {
             stream.configure(configured);
         }
         Ok((stream, is_new))
+    }
+
+    /// Changes what is recorded of a stream, and nothing else; none if there is no such stream.
+    ///
+    /// # Errors
+    ///
+    /// [`NotConfigured::Invalid`] if the server keeps no recordings.
+    pub fn record(
+        &self,
+        name: &StreamName,
+        record: Record,
+    ) -> Result<Option<Arc<Stream>>, NotConfigured> {
+        let Some(stream) = self.get(name) else {
+            return Ok(None);
+        };
+        if record != Record::Off && self.shared.recordings.is_none() {
+            return Err(InvalidConfig::NoRecordings { found: record }.into());
+        }
+        let mut configured = (*stream.configured()).clone();
+        configured.record = record;
+        configured.config.record = Some(record);
+        stream.configure(configured);
+        Ok(Some(stream))
+    }
+
+    /// The recordings, if the server keeps any.
+    #[must_use]
+    pub fn recordings(&self) -> Option<&Arc<Recordings>> {
+        self.shared.recordings.as_ref()
     }
 
     /// Ends a stream at once; false if there is none of this name.
@@ -278,6 +324,7 @@ impl Shared {
             linger: options.linger,
             metrics: self.telemetry.stream(name.as_str()),
             events: self.events.clone(),
+            recordings: self.recordings.clone(),
         };
         let stream = Arc::new(Stream::new(parts, intake));
         let task = Task {
@@ -294,6 +341,10 @@ impl Shared {
         let (shared, remains) = (Arc::clone(self), Arc::downgrade(&stream));
         self.tasks.spawn(async move {
             task.run().await;
+            if let Some(stream) = remains.upgrade() {
+                // Its last frames are written before the server may end.
+                stream.recording().ended().await;
+            }
             shared.lock().retain(|_, stream| !stream.has_ended());
             if !shared.tasks.is_closed() {
                 give_memory_back(&remains).await;

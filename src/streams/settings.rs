@@ -1,6 +1,7 @@
 //! From a stream's configuration, as users write it, to the pipeline's settings.
 
 use serde::{Deserialize, Serialize};
+use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig};
 
 use crate::pipeline::{InvalidSettings, Settings, TargetSize, TrackingStrength};
@@ -21,6 +22,8 @@ pub struct Configured {
     pub settings: Settings,
     /// What happens when frames come too fast.
     pub overload: Overload,
+    /// What is recorded.
+    pub record: Record,
 }
 
 /// Defaults for the streams whose names match.
@@ -60,6 +63,16 @@ pub enum InvalidConfig {
         /// What was asked for.
         found: u8,
     },
+    /// Something is to be recorded, and the server has no place for it.
+    #[error(
+        "record is {}: the server keeps no recordings, which takes recordings.url in its \
+         configuration",
+        found.name()
+    )]
+    NoRecordings {
+        /// What was asked for.
+        found: Record,
+    },
 }
 
 impl Configured {
@@ -83,6 +96,7 @@ impl Configured {
         };
         let metrics = first(layers, |layer| layer.metrics).unwrap_or_default();
         let overload = first(layers, |layer| layer.overload).unwrap_or_default();
+        let record = first(layers, |layer| layer.record).unwrap_or_default();
         let mut draco = own.draco;
         if let Some(bits) = first(layers, |layer| layer.draco.position_bits) {
             if !POSITION_BITS.contains(&bits) {
@@ -112,6 +126,7 @@ impl Configured {
                 },
                 metrics: Some(metrics),
                 overload: Some(overload),
+                record: Some(record),
             },
             settings: Settings {
                 target,
@@ -122,6 +137,7 @@ impl Configured {
                 ..own
             },
             overload,
+            record,
         })
     }
 }

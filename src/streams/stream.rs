@@ -10,12 +10,14 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 
 use crate::stopwatch::microseconds;
+use crate::storage::Recordings;
 use crate::telemetry::StreamMetrics;
 
 use super::events::{Events, Life};
 use super::history::{Delivered, History, HistoryLimits, Loss, Outcome};
 use super::intake::Intake;
 use super::publisher_slot::PublisherSlot;
+use super::tape::Tape;
 use super::{Configured, Occupied, Place, Publication, Refused, Seat, Session, StreamName};
 
 /// A stream is called live for so long after its last frame.
@@ -72,6 +74,7 @@ pub struct Stream {
     metrics: StreamMetrics,
     subscriber_queue: usize,
     events: Events,
+    tape: Tape,
 }
 
 /// What a stream starts with.
@@ -86,11 +89,15 @@ pub(super) struct Parts {
     pub metrics: StreamMetrics,
     /// Where it says what happens to it.
     pub events: Events,
+    /// Where it is recorded.
+    pub recordings: Option<Arc<Recordings>>,
 }
 
 impl Stream {
     pub(super) fn new(parts: Parts, intake: Intake) -> Self {
+        let tape = Tape::new(&parts.name, parts.recordings, &parts.configured);
         Self {
+            tape,
             name: parts.name,
             created: SystemTime::now(),
             intake,
@@ -223,6 +230,7 @@ impl Stream {
 
     /// Changes how its frames are processed, from the next one that is started on.
     pub fn configure(&self, configured: Configured) {
+        self.tape.configure(&self.name, &configured);
         *lock(&self.configured) = Arc::new(configured);
     }
 
@@ -278,7 +286,14 @@ impl Stream {
             queued: counters.queued.load(Relaxed),
             latest_seq: self.newest().map(|frame| frame.metrics.seq),
             created_us: self.created_us(),
+            recording: self.tape.status(),
         }
+    }
+
+    /// What is recorded of it.
+    #[must_use]
+    pub fn recording(&self) -> &Tape {
+        &self.tape
     }
 
     /// When it was made, in microseconds since 1970.
@@ -339,6 +354,7 @@ impl Stream {
             self.events.life(&self.name, Life::Started { seq });
         }
         self.events.frame(&self.name, &frame.metrics);
+        self.tape.output(&frame.metrics, &frame.message);
         self.counters
             .bytes_out
             .fetch_add(draco.len() as u64, Relaxed);
@@ -360,6 +376,7 @@ impl Stream {
     pub(super) fn end(&self, reason: EndReason) {
         self.position
             .send_modify(|position| position.end = Some(reason));
+        self.tape.finish(reason);
         let published = self.counters.published.load(Relaxed);
         if 0 < published {
             let life = Life::Ended {

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
+use bytes::Bytes;
 use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt, ready};
 use futures_util::stream::FuturesOrdered;
@@ -28,6 +29,7 @@ use tracing::{Instrument, Span};
 use crate::compute::{ComputePool, Length};
 use crate::pipeline::{Output, PreparedFrame};
 use crate::stopwatch::microseconds;
+use crate::storage::RawFrame;
 
 use super::history::Loss;
 use super::intake::{Incoming, Refused};
@@ -60,12 +62,20 @@ struct Stamps {
     arrived: Instant,
 }
 
+/// A frame's bytes as they came, for the recording.
+struct Body {
+    content_type: &'static str,
+    byte_count: usize,
+    /// None if it is not recorded.
+    bytes: Option<Bytes>,
+}
+
 /// A body that has been read, with the way back to its sender.
 struct Read {
     seq: Option<u64>,
     capture_time_us: Option<u64>,
     arrived: Instant,
-    byte_count: usize,
+    body: Body,
     reply: oneshot::Sender<Result<Accepted, Refused>>,
     place: OwnedSemaphorePermit,
     span: Span,
@@ -186,13 +196,19 @@ impl Task {
         } = incoming;
         span.record("stream", self.stream.name().as_str());
         let (seq, capture_time_us) = (submission.seq, submission.capture_time_us);
-        let (arrived, byte_count) = (submission.arrived, submission.bytes.len());
+        let arrived = submission.arrived;
+        let records = self.stream.recording().takes_raw();
+        let body = Body {
+            content_type: submission.format.content_type(),
+            byte_count: submission.bytes.len(),
+            bytes: records.then(|| submission.bytes.clone()),
+        };
         let within = span.clone();
         let read = move |prepared| Read {
             seq,
             capture_time_us,
             arrived,
-            byte_count,
+            body,
             reply,
             place,
             span,
@@ -261,7 +277,15 @@ impl Task {
             _place: (overload == Overload::Lossless).then_some(read.place),
         });
         self.stream
-            .count_received(seq, read.byte_count, read.arrived);
+            .count_received(seq, read.body.byte_count, read.arrived);
+        if let Some(body) = read.body.bytes {
+            self.stream.recording().raw(RawFrame {
+                seq,
+                capture_time_us: read.capture_time_us,
+                content_type: read.body.content_type,
+                body,
+            });
+        }
         let queued = self.stream.counters.queued.fetch_add(1, Relaxed) + 1;
         self.stream.metrics().queued.set(queued as i64);
         let accepted = Accepted {

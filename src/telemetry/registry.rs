@@ -1,10 +1,10 @@
 //! Everything that Prometheus scrapes.
 
-use std::sync::{Arc, Mutex};
-
 use prometheus::{Encoder, IntCounter, IntCounterVec, IntGauge, Opts, Registry, TextEncoder};
 
-use super::stream_metrics::{Families, Owners, StreamMetrics};
+use super::owners::Owners;
+use super::recording_metrics::{self, RecordingMetrics};
+use super::stream_metrics::{Families, StreamMetrics};
 use super::webhook_metrics::{self, EndpointMetrics};
 
 /// The metrics of one server. They belong to it: two servers in one process do not mix.
@@ -19,8 +19,10 @@ pub struct Telemetry {
     /// Connections that were over a limit.
     pub refused_connections: IntCounter,
     denied: IntCounterVec,
-    owners: Arc<Mutex<Owners>>,
+    owners: Owners,
     webhooks: webhook_metrics::Families,
+    recordings: recording_metrics::Families,
+    recording_owners: Owners,
 }
 
 impl Telemetry {
@@ -66,6 +68,7 @@ impl Telemetry {
         ))?;
         let families = Families::register(&registry)?;
         let webhooks = webhook_metrics::Families::register(&registry)?;
+        let recordings = recording_metrics::Families::register(&registry)?;
         Ok(Self {
             registry,
             families,
@@ -73,8 +76,10 @@ impl Telemetry {
             open_connections,
             refused_connections,
             denied,
-            owners: Arc::default(),
+            owners: Owners::default(),
             webhooks,
+            recordings,
+            recording_owners: Owners::default(),
         })
     }
 
@@ -82,6 +87,12 @@ impl Telemetry {
     #[must_use]
     pub fn stream(&self, name: &str) -> StreamMetrics {
         StreamMetrics::new(&self.families, &self.owners, name)
+    }
+
+    /// The series of a new recording of a stream. They end with the value that is returned.
+    #[must_use]
+    pub fn recording(&self, stream: &str) -> RecordingMetrics {
+        RecordingMetrics::new(&self.recordings, &self.recording_owners, stream)
     }
 
     /// The series of a webhook's endpoint. They end with the value that is returned.

@@ -1,7 +1,5 @@
 //! The series of one stream.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use prometheus::{
@@ -10,6 +8,8 @@ use prometheus::{
 };
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Consistency, DistancePair, Quality, StageTimes};
+
+use super::owners::{Owners, Ownership};
 
 /// Around the 33 ms that a frame has at 30 frames per second, in seconds.
 const STAGE_BUCKETS: &[f64] = &[
@@ -213,12 +213,22 @@ impl Families {
     }
 }
 
-/// Whose series those of a name are: a stream that is still held by its last reader may have a
-/// successor of the same name.
-#[derive(Debug, Default)]
-pub(super) struct Owners {
-    next: u64,
-    current: BTreeMap<String, u64>,
+impl Families {
+    /// Series of a stream that has just begun: none of a predecessor's, and those of what may be
+    /// lost there from the first, at 0.
+    fn begin(&self, name: &str) {
+        self.remove(name);
+        for reason in LOSSES {
+            self.dropped.with_label_values(&[name, reason]).reset();
+        }
+        for quality in Quality::ALL {
+            let of_quality = &[name, quality.name()];
+            self.quality.with_label_values(of_quality).reset();
+        }
+        for family in [&self.registration_failures, &self.resets] {
+            family.with_label_values(&[name]).reset();
+        }
+    }
 }
 
 /// The series of one stream, which end when this is dropped.
@@ -240,31 +250,14 @@ pub struct StreamMetrics {
     bytes_out: IntCounter,
     latency: Histogram,
     families: Families,
-    name: String,
-    owner: u64,
-    owners: Arc<Mutex<Owners>>,
+    /// A stream that is still held by its last reader may have a successor of the same name.
+    owner: Ownership,
 }
 
 impl StreamMetrics {
-    pub(super) fn new(families: &Families, owners: &Arc<Mutex<Owners>>, name: &str) -> Self {
-        let mut all = lock(owners);
-        // A predecessor of this name may still be held by its last reader.
-        families.remove(name);
-        all.next += 1;
-        let owner = all.next;
-        all.current.insert(name.to_owned(), owner);
+    pub(super) fn new(families: &Families, owners: &Owners, name: &str) -> Self {
         let of_stream = &[name];
-        for reason in LOSSES {
-            // A counter that starts at 0 is there before the first loss.
-            families.dropped.with_label_values(&[name, reason]).reset();
-        }
-        for quality in Quality::ALL {
-            let of_quality = &[name, quality.name()];
-            families.quality.with_label_values(of_quality).reset();
-        }
-        for family in [&families.registration_failures, &families.resets] {
-            family.with_label_values(of_stream).reset();
-        }
+        let owner = owners.take(name, || families.begin(name));
         Self {
             received: families.received.with_label_values(of_stream),
             rejected: families.rejected.with_label_values(of_stream),
@@ -276,18 +269,16 @@ impl StreamMetrics {
             bytes_out: families.bytes_out.with_label_values(of_stream),
             latency: families.latency.with_label_values(of_stream),
             families: families.clone(),
-            name: name.to_owned(),
             owner,
-            owners: Arc::clone(owners),
         }
     }
 
     /// Shows a frame that has come out.
     pub fn observe(&self, metrics: &FrameMetrics) {
-        if !self.owns_series() {
+        if !self.owner.holds() {
             return;
         }
-        let name = self.name.as_str();
+        let name = self.owner.name();
         self.published.inc();
         self.bytes_out.inc_by(metrics.output.bytes as u64);
         self.latency.observe(seconds(metrics.latency_us));
@@ -329,19 +320,19 @@ impl StreamMetrics {
     /// Counts a frame that was lost `after` it had arrived. It is in the histogram of
     /// latencies too, so that losing frames does not make it look better.
     pub fn lost(&self, reason: &str, after: Duration) {
-        if !self.owns_series() {
+        if !self.owner.holds() {
             return;
         }
         self.families
             .dropped
-            .with_label_values(&[self.name.as_str(), reason])
+            .with_label_values(&[self.owner.name(), reason])
             .inc();
         self.latency.observe(after.as_secs_f64());
     }
 
     fn show_distances(&self, family: &GaugeVec, distances: Option<&DistancePair>, diagonal: f64) {
         let Some(distances) = distances else { return };
-        let name = self.name.as_str();
+        let name = self.owner.name();
         let current = family.with_label_values(&[name, "current"]);
         set_ratio(&current, distances.current.mean, diagonal);
         if let Some(previous) = &distances.previous {
@@ -351,7 +342,7 @@ impl StreamMetrics {
     }
 
     fn show_consistency(&self, consistency: &Consistency, diagonal: f64) {
-        let of_stream = &[self.name.as_str()];
+        let of_stream = &[self.owner.name()];
         let Families {
             vertex_persistence,
             edge_persistence,
@@ -367,20 +358,12 @@ impl StreamMetrics {
         let flicker = flicker.with_label_values(of_stream);
         set_ratio(&flicker, consistency.flicker, diagonal);
     }
-
-    /// Whether no newer stream has this name.
-    fn owns_series(&self) -> bool {
-        lock(&self.owners).current.get(&self.name) == Some(&self.owner)
-    }
 }
 
 impl Drop for StreamMetrics {
     fn drop(&mut self) {
-        let mut owners = lock(&self.owners);
-        if owners.current.get(&self.name) == Some(&self.owner) {
-            owners.current.remove(&self.name);
-            self.families.remove(&self.name);
-        }
+        self.owner
+            .give_up(|| self.families.remove(self.owner.name()));
     }
 }
 
@@ -403,8 +386,4 @@ fn set_ratio(series: &Gauge, length: f64, diagonal: f64) {
     if 0.0 < diagonal {
         series.set(length / diagonal);
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

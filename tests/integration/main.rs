@@ -15,6 +15,7 @@ mod log;
 mod operations;
 mod process;
 mod publish;
+mod recordings;
 mod security;
 mod subscribe;
 mod support;

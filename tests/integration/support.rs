@@ -9,6 +9,7 @@ use serde_json::Value;
 use steadymesh::compute::ComputePool;
 use steadymesh::config::Config;
 use steadymesh::server::Server;
+use steadymesh::storage::Recordings;
 use steadymesh::streams::Registry;
 use steadymesh::telemetry::Telemetry;
 use steadymesh::webhooks::Webhooks;
@@ -43,8 +44,16 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
     config.check().unwrap();
     let pool = Arc::new(ComputePool::new(config.compute()).unwrap());
     let telemetry = Arc::new(Telemetry::new().unwrap());
-    let registry =
-        Registry::new(config.streams(), Arc::clone(&pool), Arc::clone(&telemetry)).unwrap();
+    let recordings = config
+        .recordings()
+        .map(|options| Arc::new(Recordings::open(options, Arc::clone(&telemetry)).unwrap()));
+    let registry = Registry::new(
+        config.streams(),
+        Arc::clone(&pool),
+        Arc::clone(&telemetry),
+        recordings,
+    )
+    .unwrap();
     let webhooks =
         Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry)).unwrap();
     let server = Server::start(config.server(), registry, pool, telemetry)
@@ -99,6 +108,13 @@ impl TestServer {
         let url = self
             .url(&format!("/v1/streams/{stream}/subscribe"))
             .replacen("http", "ws", 1);
+        let (socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
+        Player { socket }
+    }
+
+    /// Plays a recording that is at `path`.
+    pub async fn play(&self, path: &str) -> Player {
+        let url = self.url(path).replacen("http", "ws", 1);
         let (socket, _) = tokio_tungstenite::connect_async(url).await.unwrap();
         Player { socket }
     }
