@@ -1,11 +1,15 @@
 //! The commands that talk to a server, with one of their own.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
 use std::thread;
+use std::time::Duration;
+
+use reqwest::Method;
 
 /// A running `steadymesh serve`, which ends with the test.
 struct Server {
@@ -18,7 +22,13 @@ struct Server {
 
 impl Server {
     fn start() -> Self {
+        Self::start_with(&[])
+    }
+
+    /// Starts one with settings from the environment.
+    fn start_with(settings: &[(&str, &str)]) -> Self {
         let mut process = steadymesh("serve --listen 127.0.0.1:0 --internal-listen 127.0.0.1:0")
+            .envs(settings.iter().copied())
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
@@ -202,4 +212,98 @@ fn publish_finds_out_that_there_is_no_server_before_it_computes() {
         reason.starts_with(&format!("error: http://{address} cannot be reached: ")),
         "{reason}"
     );
+}
+
+/// The body of a request that succeeds.
+fn request(method: Method, url: &str) -> Option<Vec<u8>> {
+    steadymesh::tls::set_up();
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    runtime.unwrap().block_on(async {
+        let request = reqwest::Client::new().request(method, url);
+        let answer = request.send().await.unwrap();
+        let is_good = answer.status().is_success();
+        let body = answer.bytes().await.unwrap().to_vec();
+        is_good.then_some(body)
+    })
+}
+
+/// Every frame's Draco bytes, as `subscribe` wrote them.
+fn received(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let files = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
+    files
+        .filter(|file| file.path().extension().is_some_and(|end| end == "drc"))
+        .map(|file| {
+            let name = file.file_name().into_string().unwrap();
+            (name, std::fs::read(file.path()).unwrap())
+        })
+        .collect()
+}
+
+#[test]
+fn a_recording_that_is_replayed_gives_the_same_bytes_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let recordings = folder.path().join("recordings");
+    let url = format!("file://{}", recordings.display());
+    let server = Server::start_with(&[
+        ("STEADYMESH_RECORDINGS__URL", &url),
+        ("STEADYMESH_STREAMS__DEFAULTS__TARGET_FACES", "300"),
+        ("STEADYMESH_STREAMS__DEFAULTS__RECORD", "both"),
+    ]);
+    let rig = "--synthetic --vertices 1000 --fps 2 --transport ws";
+    let stream = server.url("demo");
+    assert!(run(&format!("publish {stream} {rig}")).status.success());
+    // The last of them.
+    while request(Method::GET, &format!("{stream}/frames/7.drc")).is_none() {
+        thread::sleep(Duration::from_millis(50));
+    }
+    request(Method::DELETE, &stream).unwrap();
+    let id = loop {
+        let streams = std::fs::read_dir(recordings.join("demo"));
+        let found = streams.into_iter().flatten().next();
+        let manifest = found.map(|entry| entry.unwrap().path().join("recording.json"));
+        let text = manifest.map(|path| (std::fs::read_to_string(&path), path));
+        if let Some((Ok(text), path)) = text
+            && text.contains("\"end\"")
+        {
+            let id = path.parent().unwrap().file_name().unwrap().to_owned();
+            break id.into_string().unwrap();
+        }
+        thread::sleep(Duration::from_millis(50));
+    };
+    let recording = format!("http://{}/v1/recordings/demo/{id}", server.address);
+    let played = folder.path().join("played");
+    let done = run(&format!(
+        "subscribe {recording} --output {}",
+        played.display()
+    ));
+    assert!(done.status.success(), "{}", said(&done));
+    let first = received(&played);
+    assert_eq!(first.len(), 8);
+    for (name, place) in [
+        ("by-server", recording.clone()),
+        (
+            "by-folder",
+            recordings.join("demo").join(&id).display().to_string(),
+        ),
+    ] {
+        let (again, output) = (server.url(name), folder.path().join(name));
+        let done = run(&format!("replay {place} {again} --same-settings --speed 0"));
+        assert!(done.status.success(), "{}", said(&done));
+        assert!(said(&done).contains("8 frames sent"), "{}", said(&done));
+        std::fs::create_dir(&output).unwrap();
+        for file in first.keys() {
+            let seq: u64 = file.trim_end_matches(".drc").parse().unwrap();
+            let frame = loop {
+                // The last ones may not be out yet.
+                if let Some(frame) = request(Method::GET, &format!("{again}/frames/{seq}.drc")) {
+                    break frame;
+                }
+                thread::sleep(Duration::from_millis(50));
+            };
+            std::fs::write(output.join(file), frame).unwrap();
+        }
+        assert_eq!(received(&output), first, "{name}");
+    }
 }

@@ -3,6 +3,7 @@
 from .checks import Failed, Skipped, check, skip, wait_until
 from .clients import Player, Rig, Slow, raise_file_limit, request
 from .frames import ply, rig_frames
+from .recordings import track
 from .server import Server, Workshop
 
 __all__ = [
@@ -19,5 +20,6 @@ __all__ = [
     "request",
     "rig_frames",
     "skip",
+    "track",
     "wait_until",
 ]
