@@ -1,5 +1,6 @@
 //! Steadymesh: a server for volumetric video whose meshes do not flicker.
 
+pub mod bus;
 pub mod cli;
 pub mod compute;
 pub mod config;

@@ -1,0 +1,444 @@
+//! The bus in NATS JetStream.
+//!
+//! Three streams: frames (each stream's own subject, kept until its successor has been processed),
+//! outcomes and records (the last of each subject). One durable consumer, shared by all workers,
+//! gives frames out.
+
+mod message;
+mod objects;
+mod tail;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use async_nats::connection::State;
+use async_nats::jetstream::consumer::{AckPolicy, PullConsumer, pull};
+use async_nats::jetstream::context::PublishErrorKind;
+use async_nats::jetstream::message::{Acker, PublishMessage};
+use async_nats::jetstream::stream::{Config, DiscardPolicy, RawMessageErrorKind, Stream};
+use async_nats::jetstream::{AckKind, Context, context::ContextBuilder};
+use async_nats::{Client, ConnectOptions, HeaderMap, ServerAddr};
+use futures_util::StreamExt;
+use tokio::time::timeout;
+
+use super::{BusError, Frame, InvalidMessage, Job, Position, Processed, StreamRecord};
+use objects::Objects;
+use tail::Tail;
+
+/// How long a worker waits for a frame before it is told that there is none.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// How long a request may take.
+const TIMEOUT: Duration = Duration::from_secs(5);
+/// Within it a message that is sent twice is stored once.
+const DUPLICATE_WINDOW: Duration = Duration::from_secs(120);
+/// Beside the body a message has headers; a server counts both.
+const HEADER_ROOM: usize = 4096;
+
+/// Where the bus is, and how much it holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Its servers, `nats://host:port`, with commas between them.
+    pub url: String,
+    /// A file with credentials (`.creds`), if the servers want some.
+    pub credentials_file: Option<PathBuf>,
+    /// What the names of streams and subjects begin with.
+    pub prefix: String,
+    /// How many servers keep each log.
+    pub replicas: usize,
+    /// A frame that a worker has not answered for within this time is given to another.
+    pub ack_wait: Duration,
+    /// Bytes of frames that may wait.
+    pub max_bytes: u64,
+    /// How long a frame is kept that nobody processes.
+    pub max_age: Duration,
+}
+
+/// A connection, and the logs.
+#[derive(Debug, Clone)]
+pub(super) struct JetStream {
+    client: Client,
+    context: Context,
+    frames: Stream,
+    outcomes: Stream,
+    records: Stream,
+    workers: PullConsumer,
+    objects: Objects,
+    prefix: String,
+}
+
+/// A claim on a frame.
+pub(super) struct Ticket(Acker);
+
+impl std::fmt::Debug for Ticket {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Ticket")
+    }
+}
+
+fn unavailable(error: impl std::fmt::Display) -> BusError {
+    BusError::Unavailable(error.to_string())
+}
+
+impl JetStream {
+    pub async fn connect(options: Options) -> Result<Self, BusError> {
+        let mut connect = ConnectOptions::new()
+            .name("steadymesh")
+            .connection_timeout(TIMEOUT)
+            .request_timeout(Some(TIMEOUT))
+            // A server that was away shall be back soon.
+            .reconnect_delay_callback(|attempts| {
+                Duration::from_millis(100 * u64::try_from(attempts).unwrap_or(20).min(20))
+            });
+        if let Some(file) = &options.credentials_file {
+            connect = connect.credentials_file(file).await.map_err(|error| {
+                unavailable(format!("bus.credentials_file {}: {error}", file.display()))
+            })?;
+        }
+        let servers = options.url.split(',').map(|url| url.trim().parse());
+        let servers: Vec<ServerAddr> = servers
+            .collect::<Result<_, _>>()
+            .map_err(|error| unavailable(format!("bus.nats_url {}: {error}", options.url)))?;
+        let client = connect.connect(servers).await.map_err(unavailable)?;
+        let context = ContextBuilder::new()
+            .timeout(TIMEOUT)
+            .ack_timeout(TIMEOUT)
+            .build(client.clone());
+        let made = Logs::ensure(&context, &options).await?;
+        Ok(Self {
+            objects: Objects::new(context.clone(), &options),
+            client,
+            context,
+            frames: made.frames,
+            outcomes: made.outcomes,
+            records: made.records,
+            workers: made.workers,
+            prefix: options.prefix,
+        })
+    }
+
+    pub fn is_connected(&self) -> bool {
+        self.client.connection_state() == State::Connected
+    }
+
+    fn subject(&self, log: &str, stream: &str) -> String {
+        format!("{}.{log}.{stream}", self.prefix)
+    }
+
+    pub async fn append(&self, frame: &Frame) -> Result<Position, BusError> {
+        let id = format!("{}/{}/{}", frame.stream, frame.instance, frame.seq);
+        let mut headers = message::frame_headers(frame);
+        let mut payload = frame.body.clone();
+        let room = self.client.server_info().max_payload;
+        if room.saturating_sub(HEADER_ROOM) < payload.len() {
+            let object = self.objects.put(&id, &payload).await?;
+            headers.insert(message::OBJECT, object);
+            payload.clear();
+        }
+        let before = frame.predecessor.map_or(0, |before| before.position.0);
+        let message = PublishMessage::build()
+            .headers(headers)
+            .payload(payload)
+            .message_id(&id)
+            .expected_last_subject_sequence(before);
+        let subject = self.subject("frames", &frame.stream);
+        let acknowledged = async { self.context.send_publish(subject, message).await?.await };
+        match acknowledged.await {
+            Ok(ack) => Ok(Position(ack.sequence)),
+            Err(error) => Err(match error.kind() {
+                PublishErrorKind::WrongLastSequence => BusError::Conflict,
+                // Says so only in words, whose code this client does not hand out.
+                _ if is_full(&error) => BusError::Full,
+                _ => unavailable(error),
+            }),
+        }
+    }
+
+    pub async fn last(&self, stream: &str) -> Result<Option<(Position, Frame)>, BusError> {
+        let subject = self.subject("frames", stream);
+        let found = self.frames.get_last_raw_message_by_subject(&subject).await;
+        match found {
+            Ok(found) => {
+                let position = Position(found.sequence);
+                let frame = message::frame(&found.subject, &found.headers, found.payload)?;
+                Ok(Some((position, frame)))
+            }
+            Err(error)
+                if error.kind()
+                    == async_nats::jetstream::stream::LastRawMessageErrorKind::NoMessageFound =>
+            {
+                Ok(None)
+            }
+            Err(error) => Err(unavailable(error)),
+        }
+    }
+
+    pub async fn pull(&self) -> Result<Option<Job>, BusError> {
+        let batch = self.workers.fetch().max_messages(1).expires(PATIENCE);
+        let batch = timeout(PATIENCE + TIMEOUT, batch.messages()).await;
+        let mut batch = batch.map_err(unavailable)?.map_err(unavailable)?;
+        let next = timeout(PATIENCE + TIMEOUT, batch.next()).await;
+        let Some(given) = next.map_err(unavailable)? else {
+            return Ok(None);
+        };
+        let given = given.map_err(unavailable)?;
+        let info = given.info().map_err(unavailable)?;
+        let (position, delivered) = (Position(info.stream_sequence), info.delivered);
+        let (message, acker) = given.split();
+        let headers = message.headers.unwrap_or_default();
+        let frame = self
+            .whole(&message.subject, &headers, message.payload)
+            .await;
+        let frame = match frame {
+            Ok(Some(frame)) => frame,
+            // Nobody can process it: it shall not come again.
+            Ok(None) | Err(BusError::Invalid(_)) => {
+                tracing::error!(position = position.0, "a frame on the bus cannot be read");
+                acker.ack_with(AckKind::Term).await.map_err(unavailable)?;
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        };
+        Ok(Some(Job {
+            frame,
+            position,
+            deliveries: u64::try_from(delivered).unwrap_or(1),
+            ticket: super::Ticket::JetStream(Ticket(acker)),
+        }))
+    }
+
+    pub async fn frame(&self, position: Position) -> Result<Option<Frame>, BusError> {
+        match self.frames.get_raw_message(position.0).await {
+            Ok(found) => {
+                self.whole(&found.subject, &found.headers, found.payload)
+                    .await
+            }
+            Err(error) if error.kind() == RawMessageErrorKind::NoMessageFound => Ok(None),
+            Err(error) => Err(unavailable(error)),
+        }
+    }
+
+    /// A frame with its body, wherever that is; none if it is gone.
+    async fn whole(
+        &self,
+        subject: &str,
+        headers: &HeaderMap,
+        payload: bytes::Bytes,
+    ) -> Result<Option<Frame>, BusError> {
+        let mut frame = message::frame(subject, headers, payload)?;
+        if let Some(object) = headers.get(message::OBJECT) {
+            match self.objects.get(object.as_str()).await? {
+                Some(body) => frame.body = body,
+                None => return Ok(None),
+            }
+        }
+        Ok(Some(frame))
+    }
+
+    pub async fn forget(&self, position: Position) -> Result<(), BusError> {
+        // An object that it refers to goes with its age.
+        match self.frames.delete_message(position.0).await {
+            Ok(_) => Ok(()),
+            Err(error) if self.is_connected() => {
+                // One that is gone already.
+                tracing::debug!(%error, position = position.0, "a frame is not there to be forgotten");
+                Ok(())
+            }
+            Err(error) => Err(unavailable(error)),
+        }
+    }
+
+    pub async fn publish(&self, processed: &Processed) -> Result<(), BusError> {
+        let (mut headers, mut payload) = message::outcome_parts(processed);
+        let id = format!(
+            "{}/{}/{}",
+            processed.stream, processed.instance, processed.seq
+        );
+        if self
+            .client
+            .server_info()
+            .max_payload
+            .saturating_sub(HEADER_ROOM)
+            < payload.len()
+        {
+            let object = self.objects.put(&format!("{id}/outcome"), &payload).await?;
+            headers.insert(message::OBJECT, object);
+            payload.clear();
+        }
+        let message = PublishMessage::build()
+            .headers(headers)
+            .payload(payload)
+            .message_id(id);
+        let subject = self.subject("outcomes", &processed.stream);
+        let sent = self.context.send_publish(subject, message).await;
+        sent.map_err(unavailable)?.await.map_err(unavailable)?;
+        Ok(())
+    }
+
+    pub async fn outcomes(&self) -> Result<Outcomes, BusError> {
+        Ok(Outcomes {
+            tail: Tail::begin(&self.client, &self.outcomes).await?,
+            objects: self.objects.clone(),
+            pending: None,
+        })
+    }
+
+    pub async fn announce(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        // Names and numbers, which always serialize.
+        let text = serde_json::to_vec(record).unwrap_or_default();
+        let subject = self.subject("records", stream);
+        let sent = self.context.publish(subject, text.into()).await;
+        sent.map_err(unavailable)?.await.map_err(unavailable)?;
+        Ok(())
+    }
+
+    pub async fn records(&self) -> Result<Records, BusError> {
+        let tail = Tail::begin(&self.client, &self.records).await?;
+        Ok(Records(tail))
+    }
+
+    pub async fn waiting(&self) -> Option<u64> {
+        let info = self.workers.get_info().await.ok()?;
+        Some(info.num_pending)
+    }
+}
+
+/// The server's answer when a stream is at its limit.
+fn is_full(error: &(dyn std::error::Error + 'static)) -> bool {
+    let mut error = Some(error);
+    while let Some(this) = error {
+        if this.to_string().contains("maximum bytes exceeded") {
+            return true;
+        }
+        error = this.source();
+    }
+    false
+}
+
+struct Logs {
+    frames: Stream,
+    outcomes: Stream,
+    records: Stream,
+    workers: PullConsumer,
+}
+
+impl Logs {
+    /// Makes what is not there, or brings it to these options.
+    async fn ensure(context: &Context, options: &Options) -> Result<Self, BusError> {
+        let name = |log: &str| format!("{}_{log}", options.prefix.replace('.', "_"));
+        let config = |log: &str| Config {
+            name: name(log),
+            subjects: vec![format!("{}.{log}.*", options.prefix)],
+            num_replicas: options.replicas,
+            duplicate_window: DUPLICATE_WINDOW.min(options.max_age),
+            ..Config::default()
+        };
+        let max_bytes = i64::try_from(options.max_bytes).unwrap_or(i64::MAX);
+        let frames = Config {
+            // Whoever brings a frame is told that there is no room; none that was stored is lost.
+            discard: DiscardPolicy::New,
+            max_bytes,
+            max_age: options.max_age,
+            ..config("frames")
+        };
+        let outcomes = Config {
+            // As long as there is the frame, so that nobody waits for what is gone.
+            max_age: options.max_age * 2,
+            max_bytes,
+            ..config("outcomes")
+        };
+        let records = Config {
+            max_messages_per_subject: 1,
+            ..config("records")
+        };
+        let make = async |config: Config| {
+            let stream = context.get_or_create_stream(config).await;
+            stream.map_err(unavailable)
+        };
+        let frames = make(frames).await?;
+        let consumer = pull::Config {
+            durable_name: Some("workers".to_owned()),
+            ack_policy: AckPolicy::Explicit,
+            ack_wait: options.ack_wait,
+            ..pull::Config::default()
+        };
+        let workers = frames.get_or_create_consumer("workers", consumer).await;
+        Ok(Self {
+            outcomes: make(outcomes).await?,
+            records: make(records).await?,
+            workers: workers.map_err(unavailable)?,
+            frames,
+        })
+    }
+}
+
+impl Ticket {
+    pub async fn done(&self) -> Result<(), BusError> {
+        self.0.double_ack().await.map_err(unavailable)
+    }
+
+    pub async fn put_back(&self, delay: Duration) {
+        // Without it, it comes again after `ack_wait`.
+        self.0.ack_with(AckKind::Nak(Some(delay))).await.ok();
+    }
+
+    pub async fn keep(&self) {
+        // Without it, another worker does the same again.
+        self.0.ack_with(AckKind::Progress).await.ok();
+    }
+}
+
+/// See [`super::Outcomes`].
+#[derive(Debug)]
+pub(super) struct Outcomes {
+    tail: Tail,
+    objects: Objects,
+    /// One whose body is still to be read.
+    pending: Option<(Processed, String)>,
+}
+
+impl Outcomes {
+    pub async fn next(&mut self) -> Processed {
+        loop {
+            if let Some((processed, object)) = &self.pending {
+                match self.objects.get(object).await {
+                    Ok(body) => {
+                        let body = message::with_body(processed.clone(), body);
+                        self.pending = None;
+                        return body;
+                    }
+                    Err(_) => {
+                        tokio::time::sleep(tail::LOOK_AGAIN).await;
+                        continue;
+                    }
+                }
+            }
+            let (subject, headers, payload) = self.tail.next().await;
+            match message::outcome(&subject, &headers, payload) {
+                Ok(processed) => match headers.get(message::OBJECT) {
+                    None => return processed,
+                    Some(object) => self.pending = Some((processed, object.to_string())),
+                },
+                Err(error) => tracing::error!(%error, %subject, "an outcome cannot be read"),
+            }
+        }
+    }
+}
+
+/// See [`super::Records`].
+#[derive(Debug)]
+pub(super) struct Records(Tail);
+
+impl Records {
+    pub async fn next(&mut self) -> (String, StreamRecord) {
+        loop {
+            let (subject, _, payload) = self.0.next().await;
+            let record = serde_json::from_slice(&payload)
+                .map_err(|_| InvalidMessage { what: "the record" })
+                .and_then(|record| Ok((message::stream_of(&subject)?, record)));
+            match record {
+                Ok(record) => return record,
+                Err(error) => tracing::error!(%error, %subject, "a record cannot be read"),
+            }
+        }
+    }
+}

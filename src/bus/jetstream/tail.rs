@@ -1,0 +1,98 @@
+//! A log read from the last message of every subject on, over whatever happens to the server.
+
+use std::time::Duration;
+
+use async_nats::jetstream::consumer::{DeliverPolicy, push};
+use async_nats::jetstream::stream::Stream;
+use async_nats::{Client, HeaderMap};
+use bytes::Bytes;
+use futures_util::StreamExt;
+
+use super::{BusError, unavailable};
+
+/// How long to wait before the server is asked again.
+pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(300);
+
+/// A place in a log.
+pub(super) struct Tail {
+    client: Client,
+    log: Stream,
+    messages: Option<push::Ordered>,
+    /// The last message that was given.
+    last: Option<u64>,
+}
+
+impl std::fmt::Debug for Tail {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tail").field("last", &self.last).finish()
+    }
+}
+
+impl Tail {
+    /// Starts reading now.
+    pub async fn begin(client: &Client, log: &Stream) -> Result<Self, BusError> {
+        let mut tail = Self {
+            client: client.clone(),
+            log: log.clone(),
+            messages: None,
+            last: None,
+        };
+        tail.messages = Some(tail.read().await.map_err(unavailable)?);
+        Ok(tail)
+    }
+
+    /// The next message: subject, headers and payload. Cancel safe.
+    pub async fn next(&mut self) -> (String, HeaderMap, Bytes) {
+        loop {
+            let Some(messages) = &mut self.messages else {
+                match self.read().await {
+                    Ok(messages) => self.messages = Some(messages),
+                    Err(error) => {
+                        tracing::debug!(%error, "a log of the bus cannot be read");
+                        tokio::time::sleep(LOOK_AGAIN).await;
+                    }
+                }
+                continue;
+            };
+            match messages.next().await {
+                Some(Ok(message)) => {
+                    let Ok(info) = message.info() else {
+                        continue;
+                    };
+                    let sequence = info.stream_sequence;
+                    // A consumer that was begun anew may begin with what was there already.
+                    if self.last.is_some_and(|last| sequence <= last) {
+                        continue;
+                    }
+                    self.last = Some(sequence);
+                    let (message, _) = message.split();
+                    let headers = message.headers.unwrap_or_default();
+                    return (message.subject.to_string(), headers, message.payload);
+                }
+                Some(Err(error)) => {
+                    tracing::debug!(%error, "a log of the bus is read anew");
+                    self.messages = None;
+                }
+                None => self.messages = None,
+            }
+        }
+    }
+
+    async fn read(&self) -> Result<push::Ordered, async_nats::Error> {
+        let deliver_policy = match self.last {
+            None => DeliverPolicy::LastPerSubject,
+            Some(last) => DeliverPolicy::ByStartSequence {
+                start_sequence: last + 1,
+            },
+        };
+        let subjects = &self.log.cached_info().config.subjects;
+        let config = push::OrderedConfig {
+            deliver_subject: self.client.new_inbox(),
+            // The server wants one where it is to find the last of each.
+            filter_subject: subjects.first().cloned().unwrap_or_default(),
+            deliver_policy,
+            ..push::OrderedConfig::default()
+        };
+        Ok(self.log.create_consumer(config).await?.messages().await?)
+    }
+}
