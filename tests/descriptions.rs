@@ -14,10 +14,14 @@ use steadymesh_proto::metrics::{
     Consistency, DistancePair, Input, Output, Quality, Registration, Residual, StageTimes,
     Statistics, Tracking,
 };
+use steadymesh_proto::recording::{
+    Gap, PlayerMessage, Record, RecordedFrame, RecordedFrames, RecordingList, RecordingState,
+    RecordingSummary, Track, TrackSummary,
+};
 use steadymesh_proto::stream::{
     Accepted, ControlMessage, DracoConfig, DropReason, EndReason, FrameState, MetricsMode,
-    Overload, Problem, PublishReply, PublisherMessage, StreamConfig, StreamCounters, StreamList,
-    StreamState, StreamSummary,
+    Overload, Problem, PublishReply, PublisherMessage, RecordingStatus, StreamConfig,
+    StreamCounters, StreamList, StreamState, StreamSummary,
 };
 
 use steadymesh::webhooks::{Crossing, Details, Ending, Figure, Kind, Limit, Notice, Silence};
@@ -118,24 +122,53 @@ fn every_route_is_described_and_no_other() {
     assert_same(&served, &described);
 }
 
-/// Paths and methods of the `.route("…", …)` calls in a source file.
+/// Paths and methods that the `router` of a source file answers to.
 fn routes(file: &str) -> BTreeSet<(String, String)> {
     let code = read(file);
+    let routes = routes_of(function(&code, "router"), &code, "");
+    assert!(!routes.is_empty(), "{file} has no routes");
+    routes
+}
+
+/// Those of the `.route("…", …)` calls in the body of a function, under a path, and of the routers
+/// that it puts under paths of their own: `.nest("…", other_function())`.
+fn routes_of(body: &str, code: &str, under: &str) -> BTreeSet<(String, String)> {
     let mut routes = BTreeSet::new();
-    for call in code.split(".route(").skip(1) {
-        let (path, handler) = argument_list(call).split_once(',').unwrap();
-        let path = path.trim().trim_matches('"');
-        let handler = handler.trim().trim_end_matches(',');
+    for call in body.split(".route(").skip(1) {
+        let (path, handler) = path_and_rest(call);
         // What has a name is defined above.
-        let definition = code.split_once(&format!("let {handler} ="));
+        let definition = body.split_once(&format!("let {handler} ="));
         let handler = definition.map_or(handler, |(_, rest)| rest.split(';').next().unwrap());
         let methods = METHODS.iter().filter(|method| calls(handler, method));
         let methods: Vec<_> = methods.map(|method| (*method).to_owned()).collect();
         assert!(!methods.is_empty(), "{path} answers to nothing: {handler}");
-        routes.extend(methods.into_iter().map(|method| (path.to_owned(), method)));
+        // What is nested at a path answers to the path itself, without a slash behind it.
+        let path = match path {
+            "/" if !under.is_empty() => under.to_owned(),
+            _ => format!("{under}{path}"),
+        };
+        routes.extend(methods.into_iter().map(|method| (path.clone(), method)));
     }
-    assert!(!routes.is_empty(), "{file} has no routes");
+    for call in body.split(".nest(").skip(1) {
+        let (path, router) = path_and_rest(call);
+        let nested = function(code, router.trim_end_matches("()"));
+        routes.append(&mut routes_of(nested, code, &format!("{under}{path}")));
+    }
     routes
+}
+
+/// The two arguments of a call, the first of which is a text.
+fn path_and_rest(call: &str) -> (&str, &str) {
+    let (path, rest) = argument_list(call).split_once(',').unwrap();
+    let rest = rest.trim().trim_end_matches(',');
+    (path.trim().trim_matches('"'), rest)
+}
+
+/// The text of a function, up to the brace that stands at the beginning of a line.
+fn function<'a>(code: &'a str, name: &str) -> &'a str {
+    let definition = code.split_once(&format!("fn {name}("));
+    let (_, rest) = definition.unwrap_or_else(|| panic!("there is no function {name}"));
+    rest.split("\n}").next().unwrap()
 }
 
 /// The text up to the parenthesis that closes the one before it.
@@ -196,7 +229,8 @@ fn end_reasons() -> impl Iterator<Item = EndReason> {
     successors(Some(EndReason::Deleted), |reason| match reason {
         EndReason::Deleted => Some(EndReason::Idle),
         EndReason::Idle => Some(EndReason::Shutdown),
-        EndReason::Shutdown => None,
+        EndReason::Shutdown => Some(EndReason::Finished),
+        EndReason::Finished => None,
     })
 }
 
@@ -265,6 +299,34 @@ fn publisher_messages() -> impl Iterator<Item = PublisherMessage> {
     })
 }
 
+fn player_messages() -> impl Iterator<Item = PlayerMessage> {
+    let seek = |seq, time_us| PlayerMessage::Seek { seq, time_us };
+    successors(Some(seek(Some(41), None)), move |message| match message {
+        PlayerMessage::Seek { seq: Some(_), .. } => Some(seek(None, Some(1_700_000_000_000_000))),
+        PlayerMessage::Seek { seq: None, .. } => Some(PlayerMessage::Speed { speed: 0.5 }),
+        PlayerMessage::Speed { .. } => Some(PlayerMessage::Pause),
+        PlayerMessage::Pause => Some(PlayerMessage::Resume),
+        PlayerMessage::Resume => None,
+    })
+}
+
+fn records() -> impl Iterator<Item = Record> {
+    successors(Some(Record::Off), |record| match record {
+        Record::Off => Some(Record::Raw),
+        Record::Raw => Some(Record::Output),
+        Record::Output => Some(Record::Both),
+        Record::Both => None,
+    })
+}
+
+fn recording_states() -> impl Iterator<Item = RecordingState> {
+    successors(Some(RecordingState::Recording), |state| match state {
+        RecordingState::Recording => Some(RecordingState::Complete),
+        RecordingState::Complete => Some(RecordingState::Interrupted),
+        RecordingState::Interrupted => None,
+    })
+}
+
 fn serialized<T: Serialize>(values: impl Iterator<Item = T>) -> Vec<Value> {
     values
         .map(|value| serde_json::to_value(value).unwrap())
@@ -285,6 +347,18 @@ fn every_message_of_publishing_is_described_and_no_other() {
     messages.append(&mut serialized(publisher_messages()));
     assert_described("publish", &messages);
     assert_reasons("AckDropped", &serialized(drop_reasons()));
+}
+
+#[test]
+fn every_message_of_playing_is_described_and_no_other() {
+    // Whoever plays a recording gets all of it, however slow.
+    let told = control_messages().filter(|message| match message {
+        ControlMessage::Hello { .. } | ControlMessage::End { .. } => true,
+        ControlMessage::Skipped { .. } => false,
+    });
+    let mut messages = serialized(told);
+    messages.append(&mut serialized(player_messages()));
+    assert_described("play", &messages);
 }
 
 /// Each message is one of those of the channel, and each of those has been seen.
@@ -346,6 +420,47 @@ fn the_documents_about_streams_have_the_described_fields() {
     assert_fields("StreamConfig", "required", &StreamConfig::default());
     let streams = vec![summary()];
     assert_fields("StreamList", "properties", &StreamList { streams });
+    let streams = vec![StreamSummary {
+        config: without_target(),
+        recording: None,
+        ..summary()
+    }];
+    assert_fields("StreamList", "required", &StreamList { streams });
+    let status = RecordingStatus {
+        failing: None,
+        ..status()
+    };
+    assert_fields("RecordingStatus", "required", &status);
+}
+
+#[test]
+fn the_documents_about_recordings_have_the_described_fields() {
+    let recordings = vec![recording()];
+    assert_fields("RecordingList", "properties", &RecordingList { recordings });
+    let recordings = vec![RecordingSummary {
+        config: without_target(),
+        ..recording()
+    }];
+    assert_fields("RecordingList", "required", &RecordingList { recordings });
+    for list in ["properties", "required"] {
+        assert_fields("RecordedFrames", list, &recorded_frames());
+    }
+}
+
+#[test]
+fn every_word_about_recordings_is_described_and_no_other() {
+    let description = openapi();
+    let described = |schema: &str| names(&description["components"]["schemas"][schema]["enum"]);
+    let words = |words: Vec<Value>| names(&Value::Array(words));
+    assert_same(&words(serialized(records())), &described("Record"));
+    assert_same(
+        &words(serialized(Track::ALL.into_iter())),
+        &described("Track"),
+    );
+    assert_same(
+        &words(serialized(recording_states())),
+        &described("RecordingState"),
+    );
 }
 
 #[test]
@@ -536,6 +651,16 @@ fn config() -> StreamConfig {
         },
         metrics: Some(MetricsMode::Full),
         overload: Some(Overload::Lossless),
+        record: Some(Record::Both),
+    }
+}
+
+/// Of the two targets one is there, and none in every case.
+fn without_target() -> StreamConfig {
+    StreamConfig {
+        target_faces: None,
+        target_ratio: None,
+        ..config()
     }
 }
 
@@ -549,6 +674,57 @@ fn summary() -> StreamSummary {
         queued: 1,
         latest_seq: Some(40),
         created_us: 1_700_000_000_000_000,
+        recording: Some(status()),
+    }
+}
+
+fn status() -> RecordingStatus {
+    RecordingStatus {
+        id: "20261129T215703Z-3f9a".to_owned(),
+        frames: 41,
+        lost_frames: 2,
+        failing: Some("no space is left".to_owned()),
+    }
+}
+
+fn recording() -> RecordingSummary {
+    let track = TrackSummary {
+        frames: 40,
+        bytes: 412_000,
+        segments: 2,
+        first_seq: Some(0),
+        last_seq: Some(41),
+        first_time_us: Some(1_700_000_000_000_000),
+        last_time_us: Some(1_700_000_001_366_653),
+        gaps: vec![Gap {
+            first_seq: 20,
+            last_seq: 21,
+            frames: 2,
+        }],
+    };
+    RecordingSummary {
+        stream: "demo".to_owned(),
+        id: "20261129T215703Z-3f9a".to_owned(),
+        state: RecordingState::Complete,
+        started_us: 1_700_000_000_000_000,
+        ended_us: Some(1_700_000_001_400_000),
+        config: config(),
+        raw: Some(track.clone()),
+        output: Some(track),
+    }
+}
+
+fn recorded_frames() -> RecordedFrames {
+    let frame = RecordedFrame {
+        seq: 41,
+        capture_time_us: Some(1_700_000_000_000_000),
+        stored_us: 1_700_000_000_085_000,
+        content_type: steadymesh_proto::DELIVERED_CONTENT_TYPE.to_owned(),
+        bytes: 8314,
+    };
+    RecordedFrames {
+        frames: vec![frame],
+        more: true,
     }
 }
 

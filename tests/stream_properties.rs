@@ -159,7 +159,7 @@ impl Case {
         config.streams.defaults.target_faces = Some(10);
         let pool = Arc::new(ComputePool::new(config.compute()).unwrap());
         let telemetry = Arc::new(Telemetry::new().unwrap());
-        let registry = Registry::new(config.streams(), pool, telemetry, None).unwrap();
+        let registry = Registry::new(config.streams(), pool, telemetry, None, None).unwrap();
         let name = StreamName::parse("demo").unwrap();
         let (stream, is_new) = registry.configure(&name, &StreamConfig::default()).unwrap();
         assert!(is_new);

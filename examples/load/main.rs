@@ -84,7 +84,7 @@ async fn run(arguments: &Arguments) {
     let stop = Arc::new(AtomicBool::new(false));
     let published = Arc::new(AtomicU64::new(0));
     let rig = tokio::spawn(publish(
-        server.address(),
+        server.address().unwrap(),
         Arc::clone(&bodies),
         arguments.fps,
         (Arc::clone(&stop), Arc::clone(&published)),
@@ -93,7 +93,7 @@ async fn run(arguments: &Arguments) {
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
     let measuring = Arc::new(AtomicBool::new(false));
-    let players = connect_players(arguments, server.address(), &stop, &measuring).await;
+    let players = connect_players(arguments, server.address().unwrap(), &stop, &measuring).await;
     println!("{} players connected", players.len());
     tokio::time::sleep(Duration::from_secs(2)).await;
     measuring.store(true, Relaxed);
@@ -137,9 +137,10 @@ async fn start_server(change: impl FnOnce(&mut Config)) -> Server {
         Arc::clone(&pool),
         Arc::clone(&telemetry),
         None,
+        None,
     )
     .unwrap();
-    Server::start(config.server(), registry, pool, telemetry)
+    Server::start(config.server(), registry, pool, telemetry, None)
         .await
         .unwrap()
 }

@@ -7,7 +7,7 @@ use figment::Figment;
 use figment::error::{Actual, Kind};
 use figment::providers::{Env, Format, Serialized, Toml};
 
-use super::Config;
+use super::{Config, Role};
 use crate::webhooks::UnusableOptions;
 
 /// The prefix of environment variables; `__` stands between levels.
@@ -53,6 +53,17 @@ pub enum ConfigError {
     /// Webhooks could not be told as asked for.
     #[error(transparent)]
     Webhooks(#[from] UnusableOptions),
+    /// A part of several nodes, and no way to the others.
+    #[error("role is {0}: that takes bus.nats_url, which names the NATS servers between nodes")]
+    RoleWithoutBus(&'static str),
+    /// Not a subject.
+    #[error(
+        "bus.prefix is \"{0}\": it has letters, digits, - and _, and dots between them, 64 at the most"
+    )]
+    BusPrefix(String),
+    /// Out of range.
+    #[error("bus.ack_wait_secs is {0}: it must be from 0.5 to 600")]
+    AckWait(f64),
     /// A number that makes no sense.
     #[error("{name} is 0: it must be at least 1")]
     Zero {
@@ -112,12 +123,13 @@ impl Config {
     /// [`ConfigError`].
     pub fn check(&self) -> Result<(), ConfigError> {
         let is_open = self.auth.is_open() && !self.allow_public_without_tokens;
-        if is_open && !self.listen.ip().is_loopback() {
+        if is_open && self.role != Role::Worker && !self.listen.ip().is_loopback() {
             return Err(ConfigError::PublicWithoutTokens(self.listen));
         }
         if self.listen == self.internal_listen && self.listen.port() != 0 {
             return Err(ConfigError::SameAddress(self.listen));
         }
+        self.check_bus()?;
         self.webhooks.check()?;
         let at_least_one = [
             ("limits.body_bytes", self.limits.body_bytes),
@@ -144,6 +156,9 @@ impl Config {
             ("streams.history", self.streams.history),
             ("streams.history_bytes", self.streams.history_bytes),
             ("streams.subscriber_queue", self.streams.subscriber_queue),
+            ("bus.frames", self.bus.frames),
+            ("bus.replicas", self.bus.replicas),
+            ("bus.max_age_secs", usize::from(self.bus.max_age_secs != 0)),
             ("recordings.queue_bytes", self.recordings.queue_bytes),
             (
                 "recordings.sweep_interval_secs",
@@ -158,6 +173,30 @@ impl Config {
 }
 
 impl Config {
+    fn check_bus(&self) -> Result<(), ConfigError> {
+        let role = match self.role {
+            Role::All => None,
+            Role::Gateway => Some("gateway"),
+            Role::Worker => Some("worker"),
+        };
+        if let Some(role) = role.filter(|_| self.bus.nats_url.is_none()) {
+            return Err(ConfigError::RoleWithoutBus(role));
+        }
+        let prefix = &self.bus.prefix;
+        let is_word = |word: &str| {
+            let allowed = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_');
+            !word.is_empty() && word.bytes().all(allowed)
+        };
+        if 64 < prefix.len() || !prefix.split('.').all(is_word) {
+            return Err(ConfigError::BusPrefix(prefix.clone()));
+        }
+        // A NaN is in no range.
+        if !(0.5..=600.0).contains(&self.bus.ack_wait_secs) {
+            return Err(ConfigError::AckWait(self.bus.ack_wait_secs));
+        }
+        Ok(())
+    }
+
     /// The settings that differ in `new` and are read at the start only: a server that runs
     /// with `self` must be started anew for them.
     #[must_use]
@@ -177,6 +216,8 @@ impl Config {
                 self.compute.threads != new.compute.threads,
             ),
             ("compute.queue", self.compute.queue != new.compute.queue),
+            ("role", self.role != new.role),
+            ("bus", self.bus != new.bus),
             ("recordings", self.recordings != new.recordings),
             (
                 "limits.playbacks",

@@ -6,7 +6,9 @@ mod options;
 pub use load::{ConfigError, default_file};
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use steadymesh_proto::stream::StreamConfig;
 use url::Url;
@@ -20,6 +22,8 @@ use crate::webhooks;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
+    /// What this node does.
+    pub role: Role,
     /// Where the API and the player listen.
     pub listen: SocketAddr,
     /// Where operations listen: `/metrics`, `/livez`, `/readyz`.
@@ -46,8 +50,48 @@ pub struct Config {
     pub streams: Streams,
     /// Where they are recorded.
     pub recordings: Recordings,
+    /// How nodes work together.
+    pub bus: Bus,
     /// Who is told what happens to them.
     pub webhooks: webhooks::Options,
+}
+
+/// What a node does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// Everything.
+    All,
+    /// It talks to rigs and players; workers process what it takes.
+    Gateway,
+    /// It processes what gateways take.
+    Worker,
+}
+
+/// How nodes work together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bus {
+    /// NATS servers, `nats://host:port`, with commas between them; without it there is one node.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nats_url: Option<String>,
+    /// Credentials (`.creds`), if they want some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub credentials_file: Option<PathBuf>,
+    /// What the names of streams and subjects there begin with.
+    pub prefix: String,
+    /// Servers that keep each log.
+    pub replicas: usize,
+    /// Seconds after which a frame is given to another worker if one has not answered for it.
+    pub ack_wait_secs: f64,
+    /// Bytes of frames that may wait.
+    pub max_bytes: u64,
+    /// Seconds that a frame is kept which nobody processes.
+    pub max_age_secs: u64,
+    /// Frames of a stream that may be accepted and not be out.
+    pub frames: usize,
+    /// Milliseconds after which a frame of a `live` stream gives way to newer ones.
+    pub live_max_age_ms: u64,
 }
 
 /// Where streams are recorded, and how much of them is kept.
@@ -160,6 +204,7 @@ pub struct Streams {
 impl Default for Config {
     fn default() -> Self {
         Self {
+            role: Role::All,
             listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 8080),
             internal_listen: SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9090),
             allow_public_without_tokens: false,
@@ -172,7 +217,25 @@ impl Default for Config {
             limits: RequestLimits::default(),
             streams: Streams::default(),
             recordings: Recordings::default(),
+            bus: Bus::default(),
             webhooks: webhooks::Options::default(),
+        }
+    }
+}
+
+impl Default for Bus {
+    /// A gigabyte is half a minute of a rig whose frames nobody processes.
+    fn default() -> Self {
+        Self {
+            nats_url: None,
+            credentials_file: None,
+            prefix: "steadymesh".to_owned(),
+            replicas: 1,
+            ack_wait_secs: 2.0,
+            max_bytes: 1 << 30,
+            max_age_secs: 600,
+            frames: 16,
+            live_max_age_ms: 500,
         }
     }
 }

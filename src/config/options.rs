@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use steadymesh_mesh_io::Limits;
 
-use super::Config;
-use crate::{compute, server, storage, streams};
+use super::{Config, Role};
+use crate::{bus, compute, server, storage, streams, worker};
 
 impl Config {
     /// For the pool.
@@ -42,6 +42,33 @@ impl Config {
             defaults: self.streams.defaults.clone(),
             rules: self.streams.rules.clone(),
             records: self.recordings.url.is_some(),
+            relayed_frames: self.bus.frames,
+        }
+    }
+
+    /// For the bus, if there is to be one.
+    #[must_use]
+    pub fn bus(&self) -> Option<bus::Options> {
+        Some(bus::Options {
+            url: self.bus.nats_url.clone()?,
+            credentials_file: self.bus.credentials_file.clone(),
+            prefix: self.bus.prefix.clone(),
+            replicas: self.bus.replicas,
+            // Checked before.
+            ack_wait: Duration::try_from_secs_f64(self.bus.ack_wait_secs).unwrap_or_default(),
+            max_bytes: self.bus.max_bytes,
+            max_age: Duration::from_secs(self.bus.max_age_secs),
+        })
+    }
+
+    /// For the worker, which has as many frames in work as there are threads.
+    #[must_use]
+    pub fn worker(&self) -> worker::Options {
+        let streams = self.streams();
+        worker::Options {
+            limits: streams.limits,
+            ack_wait: Duration::try_from_secs_f64(self.bus.ack_wait_secs).unwrap_or_default(),
+            live_max_age: Duration::from_millis(self.bus.live_max_age_ms),
         }
     }
 
@@ -66,7 +93,7 @@ impl Config {
     #[must_use]
     pub fn server(&self) -> server::Options {
         server::Options {
-            listen: self.listen,
+            listen: (self.role != Role::Worker).then_some(self.listen),
             internal_listen: self.internal_listen,
             tls: self.tls.clone(),
             auth: self.auth.clone(),

@@ -3,8 +3,11 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use steadymesh_geometry::TriangleMesh;
+use steadymesh_draco::DecodeLimits;
 use steadymesh_geometry::spatial::{SurfacePoint, TriangleTree, closest_to_vertices};
+use steadymesh_geometry::{Point, TriangleMesh};
+
+use super::ProcessFailed;
 
 /// What became of a frame. Copies share the arrays.
 #[derive(Debug, Clone)]
@@ -17,6 +20,27 @@ pub struct Output {
 }
 
 impl Output {
+    /// Reads what was delivered.
+    ///
+    /// # Errors
+    ///
+    /// [`ProcessFailed`] if it is no mesh in Draco.
+    pub fn decode(draco: &[u8]) -> Result<Self, ProcessFailed> {
+        // Our own bytes: the limits are there to be given, not to be reached.
+        let limits = DecodeLimits {
+            max_vertices: usize::MAX,
+            max_faces: usize::MAX,
+            max_memory_bytes: usize::MAX,
+        };
+        let decoded = steadymesh_draco::decode(draco, &limits)?;
+        let positions = decoded
+            .positions
+            .iter()
+            .map(|p| Point::from(p.map(f64::from)))
+            .collect();
+        Ok(TriangleMesh::new(positions, decoded.faces)?.into())
+    }
+
     /// With the points of `surface`, that of its frame, below its vertices.
     pub(super) fn on(surface: &TriangleTree, mesh: TriangleMesh) -> Self {
         Self {

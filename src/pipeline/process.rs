@@ -1,11 +1,11 @@
 //! One frame, from its prepared mesh to what is delivered.
 
-use steadymesh_draco::{DecodeLimits, MeshView};
+use steadymesh_draco::MeshView;
+use steadymesh_geometry::TriangleMesh;
 use steadymesh_geometry::simplification::{
     self, Anchors, Simplified, anchors, simplify, simplify_anchored,
 };
 use steadymesh_geometry::spatial::TriangleTree;
-use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{self, Tracking};
 use steadymesh_proto::stream::MetricsMode;
@@ -235,17 +235,6 @@ fn encode(
         texture_coordinates: None,
     };
     let bytes = steadymesh_draco::encode(&view, &settings.draco)?;
-    // Our own bytes: the limits are there to be given, not to be reached.
-    let limits = DecodeLimits {
-        max_vertices: usize::MAX,
-        max_faces: usize::MAX,
-        max_memory_bytes: usize::MAX,
-    };
-    let decoded = steadymesh_draco::decode(&bytes, &limits)?;
-    let positions = decoded
-        .positions
-        .iter()
-        .map(|p| Point::from(p.map(f64::from)))
-        .collect();
-    Ok((bytes, TriangleMesh::new(positions, decoded.faces)?))
+    let decoded = Output::decode(&bytes)?.mesh;
+    Ok((bytes, decoded))
 }

@@ -7,6 +7,7 @@ use steadymesh_mesh_io::ReadError;
 use steadymesh_proto::stream;
 
 use super::request_log::Report;
+use crate::processing::NotAFrame;
 use crate::streams::{InvalidStreamName, NotConfigured, Refused};
 
 /// When a publisher whose stream is full may try again, in milliseconds: a frame or two later.
@@ -274,14 +275,25 @@ impl From<Refused> for Problem {
                 "the stream ended while the frame was on its way: send it again to begin anew",
             )
             .retry_after(SOON_MS),
-            Refused::Unreadable(ReadError::LimitExceeded { what, .. }) => Self::too_large(format!(
+            Refused::NotAFrame(NotAFrame::Unreadable(ReadError::LimitExceeded {
+                what, ..
+            })) => Self::too_large(format!(
                 "{detail}: send a smaller mesh, or raise limits.{what} in the configuration"
             )),
-            Refused::Unreadable(ReadError::OutOfMemory { .. }) => Self::too_large(format!(
-                "{detail}: send a smaller mesh, or raise limits.decode_memory_bytes in the \
+            Refused::NotAFrame(NotAFrame::Unreadable(ReadError::OutOfMemory { .. })) => {
+                Self::too_large(format!(
+                    "{detail}: send a smaller mesh, or raise limits.decode_memory_bytes in the \
                  configuration"
-            )),
-            Refused::Unreadable(_) | Refused::Unusable(_) => unusable(detail),
+                ))
+            }
+            Refused::NotAFrame(_) => unusable(detail),
+            Refused::BusAway(_) => Self::new(
+                StatusCode::SERVICE_UNAVAILABLE,
+                "bus-away",
+                "The bus does not take frames",
+                detail,
+            )
+            .retry_after(SOON_MS),
             Refused::SeqGoesBack { .. } => Self::new(
                 StatusCode::CONFLICT,
                 "seq-goes-back",

@@ -21,7 +21,7 @@ use super::error::Problem;
 pub(super) async fn check(State(app): State<Arc<App>>, request: Request, next: Next) -> Response {
     let options = app.options();
     let listed = &options.allowed_hosts;
-    let is_local_and_open = app.is_open() && app.listens_on.ip().is_loopback();
+    let is_local_and_open = app.is_open() && app.listens_on.is_some_and(|at| at.ip().is_loopback());
     if listed.is_empty() && !is_local_and_open {
         return next.run(request).await;
     }

@@ -14,6 +14,7 @@ use steadymesh_mesh_io::{Format, ReadError, sniff};
 use steadymesh_proto::stream::Accepted;
 use steadymesh_proto::{NativeFrame, metrics::FrameMetrics};
 
+use crate::processing::NotAFrame;
 use crate::streams::{Loss, Outcome, Refused, Stream, Submission};
 
 use super::App;
@@ -163,7 +164,7 @@ fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
 /// The format that the body begins like.
 pub(super) fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
     if bytes.is_empty() {
-        return Err(Refused::from(ReadError::EmptyBody).into());
+        return Err(Refused::from(NotAFrame::from(ReadError::EmptyBody)).into());
     }
     sniff(bytes).ok_or_else(|| {
         Problem::unsupported_type(format!(
@@ -182,7 +183,7 @@ pub(super) fn with_native_stamps(
     let mut stamps = stamps;
     if format == Format::Native && !bytes.is_empty() {
         let own = NativeFrame::stamps(bytes);
-        let own = own.map_err(|error| Refused::from(ReadError::from(error)))?;
+        let own = own.map_err(|error| Refused::from(NotAFrame::from(ReadError::from(error))))?;
         stamps.seq = stamps.seq.or(own.seq);
         stamps.capture_time_us = stamps.capture_time_us.or(own.capture_time_us);
     }

@@ -33,10 +33,14 @@ async fn alive() -> &'static str {
     "alive\n"
 }
 
-/// Not ready while stopping, so that nobody is sent here any more.
+/// Not ready while stopping or cut off, so that nobody is sent here any more.
 async fn ready(State(app): State<Arc<App>>) -> Response {
     if app.is_stopping() {
         return (StatusCode::SERVICE_UNAVAILABLE, "stopping\n").into_response();
+    }
+    if app.bus.as_ref().is_some_and(|bus| !bus.is_connected()) {
+        let reason = "the bus cannot be reached\n";
+        return (StatusCode::SERVICE_UNAVAILABLE, reason).into_response();
     }
     "ready\n".into_response()
 }

@@ -49,6 +49,7 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 use tokio_util::task::TaskTracker;
 
+use crate::bus::Bus;
 use crate::compute::ComputePool;
 use crate::streams::Registry;
 use crate::telemetry::Telemetry;
@@ -64,8 +65,8 @@ const FAREWELL: Duration = Duration::from_secs(2);
 /// Where the server listens, what it lets in, and how long it waits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
-    /// The public listener.
-    pub listen: SocketAddr,
+    /// The public listener; none for a node that talks to operators alone.
+    pub listen: Option<SocketAddr>,
     /// The listener of operations.
     pub internal_listen: SocketAddr,
     /// The certificate of the public listener, if it speaks TLS.
@@ -140,7 +141,9 @@ struct App {
     /// Recordings that may be played beside those that are.
     playbacks: Arc<Semaphore>,
     /// Where the public listener listens, whatever a later configuration says.
-    listens_on: SocketAddr,
+    listens_on: Option<SocketAddr>,
+    /// What this node cannot work without.
+    bus: Option<Bus>,
 }
 
 impl App {
@@ -184,7 +187,7 @@ pub enum NotStarted {
 #[derive(Debug)]
 pub struct Server {
     app: Arc<App>,
-    public: Listener,
+    public: Option<Listener>,
     internal: Listener,
     tls: Option<RustlsConfig>,
 }
@@ -207,6 +210,7 @@ impl Server {
         registry: Registry,
         pool: Arc<ComputePool>,
         telemetry: Arc<Telemetry>,
+        bus: Option<Bus>,
     ) -> Result<Self, NotStarted> {
         let auth = Auth::new(&options.auth)?;
         let tls = match &options.tls {
@@ -214,7 +218,8 @@ impl Server {
             None => None,
         };
         // Both before either is served, so that a failure leaves nothing running.
-        let (public, internal) = (bind(options.listen)?, bind(options.internal_listen)?);
+        let public = options.listen.map(bind).transpose()?;
+        let internal = bind(options.internal_listen)?;
         let app = Arc::new(App {
             registry,
             telemetry,
@@ -223,7 +228,8 @@ impl Server {
             playbacks: Arc::new(Semaphore::new(
                 options.max_playbacks.min(Semaphore::MAX_PERMITS),
             )),
-            listens_on: public.1,
+            listens_on: public.as_ref().map(|public| public.1),
+            bus,
             options: ArcSwap::from_pointee(options),
             auth: ArcSwap::from_pointee(auth),
             tickets: Tickets::default(),
@@ -232,14 +238,16 @@ impl Server {
         });
         let cap = ConnectionCap::new(Arc::clone(&app), tls.is_none());
         let routes = router::router(Arc::clone(&app));
-        let public = match &tls {
-            Some(tls) => {
+        let public = match (public, &tls) {
+            (None, _) => None,
+            (Some(public), Some(tls)) => {
                 let acceptor = RustlsAcceptor::new(tls.clone())
                     .handshake_timeout(app.options().header_timeout)
                     .acceptor(cap);
-                serve(public, Timed::new(acceptor, Arc::clone(&app)), routes)?
+                let acceptor = Timed::new(acceptor, Arc::clone(&app));
+                Some(serve(public, acceptor, routes)?)
             }
-            None => serve(public, Timed::new(cap, Arc::clone(&app)), routes)?,
+            (Some(public), None) => Some(serve(public, Timed::new(cap, Arc::clone(&app)), routes)?),
         };
         let routes = internal::router(Arc::clone(&app));
         let acceptor = Timed::new(DefaultAcceptor::new(), Arc::clone(&app));
@@ -280,10 +288,10 @@ impl Server {
         Ok(())
     }
 
-    /// The public listener's address.
+    /// The public listener's address, if there is one.
     #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.public.address
+    pub fn address(&self) -> Option<SocketAddr> {
+        self.public.as_ref().map(|public| public.address)
     }
 
     /// The address of operations.
@@ -297,7 +305,9 @@ impl Server {
     pub async fn shut_down(self) {
         let grace = self.app.options().shutdown_grace;
         self.app.stopping.store(true, Ordering::Relaxed);
-        self.public.handle.graceful_shutdown(Some(grace + FAREWELL));
+        if let Some(public) = &self.public {
+            public.handle.graceful_shutdown(Some(grace + FAREWELL));
+        }
         self.app.registry.shut_down(grace).await;
         self.app.sockets.close();
         if tokio::time::timeout(FAREWELL, self.app.sockets.wait())
@@ -306,7 +316,9 @@ impl Server {
         {
             tracing::warn!("some players did not take leave in time");
         }
-        self.public.ended("public").await;
+        if let Some(public) = self.public {
+            public.ended("public").await;
+        }
         self.internal.handle.graceful_shutdown(Some(FAREWELL));
         self.internal.ended("internal").await;
     }

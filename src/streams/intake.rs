@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use bytes::Bytes;
-use steadymesh_mesh_io::{Format, ReadError};
+use steadymesh_mesh_io::Format;
 use steadymesh_proto::stream::Accepted;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
 use tracing::Span;
 use tracing::field::Empty;
 
-use crate::pipeline::UnusableFrame;
+use crate::processing::NotAFrame;
 use crate::telemetry::traces;
 
 use super::Occupied;
@@ -43,12 +43,9 @@ pub enum Refused {
     /// The stream has ended or is about to.
     #[error("the stream has ended")]
     Ended,
-    /// The body is not a mesh in this format, or too large a one.
+    /// The body is not a usable mesh in this format, or too large a one.
     #[error(transparent)]
-    Unreadable(#[from] ReadError),
-    /// It is a mesh, but not one that can be worked on.
-    #[error(transparent)]
-    Unusable(#[from] UnusableFrame),
+    NotAFrame(#[from] NotAFrame),
     /// Numbers ascend.
     #[error("the frame's number is {seq}, but frame {latest} has already been accepted")]
     SeqGoesBack {
@@ -57,6 +54,9 @@ pub enum Refused {
         /// The newest accepted one.
         latest: u64,
     },
+    /// The bus, on which frames are stored, does not take any.
+    #[error("the bus does not take frames: {0}")]
+    BusAway(String),
     /// A defect.
     #[error("the frame could not be read because of a defect of the server")]
     Panicked,

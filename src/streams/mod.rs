@@ -9,13 +9,14 @@
 mod events;
 mod history;
 mod intake;
-mod job;
 mod ladder;
 mod name;
 mod pattern;
 mod publication;
 mod publisher_slot;
 mod registry;
+mod relay;
+mod relayed;
 mod settings;
 mod stream;
 mod subscription;

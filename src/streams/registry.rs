@@ -2,14 +2,19 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use arc_swap::ArcSwap;
+use futures_util::FutureExt;
+use futures_util::future::BoxFuture;
 use steadymesh_mesh_io::Limits;
 use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{StreamConfig, StreamSummary};
+use tokio::sync::mpsc;
+use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
+use crate::bus::{Bus, BusError, Outcomes, Processed, Records, StreamRecord};
 use crate::compute::ComputePool;
 use crate::storage::Recordings;
 use crate::telemetry::Telemetry;
@@ -17,7 +22,8 @@ use crate::telemetry::Telemetry;
 use super::StreamName;
 use super::events::{Events, Listener};
 use super::history::HistoryLimits;
-use super::intake::Intake;
+use super::intake::{Incoming, Intake};
+use super::relay::Relay;
 use super::settings::{Configured, InvalidConfig, StreamRule};
 use super::stream::{Parts, Request, Stream};
 use super::task::Task;
@@ -51,6 +57,8 @@ pub struct Options {
     pub rules: Vec<StreamRule>,
     /// Whether there is a place for recordings.
     pub records: bool,
+    /// Frames of a stream that may be on the bus without a known outcome.
+    pub relayed_frames: usize,
 }
 
 impl Options {
@@ -118,6 +126,14 @@ pub struct Registry {
     shared: Arc<Shared>,
 }
 
+/// Where a stream was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    Here,
+    /// It was heard of on the bus: when it was made, in microseconds since 1970.
+    Bus(u64),
+}
+
 #[derive(Debug)]
 struct Shared {
     streams: Mutex<BTreeMap<StreamName, Arc<Stream>>>,
@@ -125,12 +141,15 @@ struct Shared {
     pool: Arc<ComputePool>,
     telemetry: Arc<Telemetry>,
     recordings: Option<Arc<Recordings>>,
+    /// Where frames are processed, if not here.
+    bus: Option<Bus>,
     events: Events,
     options: ArcSwap<Options>,
 }
 
 impl Registry {
-    /// No streams yet. They are recorded in `recordings`, if there are any.
+    /// No streams yet. They are recorded in `recordings`, if there are any; their frames are
+    /// processed elsewhere if there is a `bus`, and [`Registry::follow_bus`] was called.
     ///
     /// # Errors
     ///
@@ -140,6 +159,7 @@ impl Registry {
         pool: Arc<ComputePool>,
         telemetry: Arc<Telemetry>,
         recordings: Option<Arc<Recordings>>,
+        bus: Option<Bus>,
     ) -> Result<Self, InvalidConfig> {
         options.check()?;
         Ok(Self {
@@ -149,6 +169,7 @@ impl Registry {
                 pool,
                 telemetry,
                 recordings,
+                bus,
                 events: Events::default(),
                 options: ArcSwap::from_pointee(options),
             }),
@@ -192,7 +213,7 @@ impl Registry {
             .load()
             .configure(name, &StreamConfig::default())?;
         self.shared
-            .insert(name, configured, UNUSED_TIMEOUT)
+            .insert(name, configured, UNUSED_TIMEOUT, Origin::Here)
             .map(|(stream, _)| stream)
     }
 
@@ -212,6 +233,7 @@ impl Registry {
             name,
             configured.clone(),
             self.shared.options.load().idle_timeout,
+            Origin::Here,
         )?;
         if !is_new {
             stream.configure(configured);
@@ -301,6 +323,7 @@ impl Shared {
         name: &StreamName,
         configured: Configured,
         first_frame_timeout: Duration,
+        origin: Origin,
     ) -> Result<(Arc<Stream>, bool), NotConfigured> {
         let mut streams = self.lock();
         streams.retain(|_, stream| !stream.has_ended());
@@ -315,7 +338,11 @@ impl Shared {
         if limit <= streams.len() {
             return Err(NotConfigured::TooManyStreams { limit });
         }
-        let (intake, incoming) = Intake::new(options.queue_depth);
+        let depth = match &self.bus {
+            Some(_) => options.relayed_frames,
+            None => options.queue_depth,
+        };
+        let (intake, incoming) = Intake::new(depth);
         let parts = Parts {
             name: name.clone(),
             configured,
@@ -325,22 +352,15 @@ impl Shared {
             metrics: self.telemetry.stream(name.as_str()),
             events: self.events.clone(),
             recordings: self.recordings.clone(),
+            created: origin.created(),
+            records_at_once: origin == Origin::Here,
         };
         let stream = Arc::new(Stream::new(parts, intake));
-        let task = Task {
-            stream: Arc::clone(&stream),
-            intake: incoming,
-            pool: Arc::clone(&self.pool),
-            limits: options.limits,
-            queue_depth: options.queue_depth.max(1),
-            parallel_frames: options.parallel_frames,
-            first_frame_timeout,
-            idle_timeout: options.idle_timeout,
-        };
+        let task = self.task(&stream, incoming, &options, first_frame_timeout, origin);
         streams.insert(name.clone(), Arc::clone(&stream));
         let (shared, remains) = (Arc::clone(self), Arc::downgrade(&stream));
         self.tasks.spawn(async move {
-            task.run().await;
+            task.await;
             if let Some(stream) = remains.upgrade() {
                 // Its last frames are written before the server may end.
                 stream.recording().ended().await;
@@ -352,6 +372,150 @@ impl Shared {
         });
         tracing::info!(stream = %name, "stream created");
         Ok((stream, true))
+    }
+}
+
+impl Shared {
+    /// What runs as long as the stream lives.
+    fn task(
+        &self,
+        stream: &Arc<Stream>,
+        intake: mpsc::Receiver<Incoming>,
+        options: &Options,
+        first_frame_timeout: Duration,
+        origin: Origin,
+    ) -> BoxFuture<'static, ()> {
+        let (stream, pool) = (Arc::clone(stream), Arc::clone(&self.pool));
+        let (limits, idle_timeout) = (options.limits, options.idle_timeout);
+        if let Some(bus) = self.bus.clone() {
+            let relay = Relay {
+                stream,
+                bus,
+                intake,
+                pool,
+                limits,
+                first_frame_timeout,
+                idle_timeout,
+                is_known: origin != Origin::Here,
+            };
+            return relay.run().boxed();
+        }
+        let task = Task {
+            stream,
+            intake,
+            pool,
+            limits,
+            queue_depth: options.queue_depth.max(1),
+            parallel_frames: options.parallel_frames,
+            first_frame_timeout,
+            idle_timeout,
+        };
+        task.run().boxed()
+    }
+}
+
+impl Origin {
+    fn created(self) -> SystemTime {
+        match self {
+            Self::Here => SystemTime::now(),
+            Self::Bus(instance) => SystemTime::UNIX_EPOCH + Duration::from_micros(instance),
+        }
+    }
+}
+
+impl Registry {
+    /// Begins to hear what other nodes say on the bus, if there is one: streams that there are, and
+    /// what becomes of frames. Goes on until `stop`.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError`] if it cannot be listened to.
+    pub async fn follow_bus(&self, stop: CancellationToken) -> Result<(), BusError> {
+        let Some(bus) = &self.shared.bus else {
+            return Ok(());
+        };
+        // The outcomes first, so that none of a stream that is heard of is missed.
+        let outcomes = bus.outcomes().await?;
+        let records = bus.records().await?;
+        let registry = self.clone();
+        tokio::spawn(async move {
+            tokio::select! {
+                () = registry.follow(outcomes, records) => {}
+                () = stop.cancelled() => {}
+            }
+        });
+        Ok(())
+    }
+
+    async fn follow(&self, mut outcomes: Outcomes, mut records: Records) {
+        let mut last: BTreeMap<String, Processed> = BTreeMap::new();
+        loop {
+            tokio::select! {
+                biased;
+                (name, record) = records.next() => {
+                    let stream = self.hear_of(&name, &record);
+                    // Its newest frame, which may have been heard of before it.
+                    match (stream, last.get(&name)) {
+                        (Some(stream), Some(outcome)) => stream.take_outcome(outcome),
+                        (Some(_), None) => {}
+                        (None, _) => _ = last.remove(&name),
+                    }
+                }
+                outcome = outcomes.next() => {
+                    let name = StreamName::parse(&outcome.stream).ok();
+                    if let Some(stream) = name.and_then(|name| self.get(&name)) {
+                        stream.take_outcome(&outcome);
+                    }
+                    last.insert(outcome.stream.clone(), outcome);
+                }
+            }
+        }
+    }
+
+    /// Takes what another node, or this one, has said of a stream.
+    fn hear_of(&self, name: &str, record: &StreamRecord) -> Option<Arc<Stream>> {
+        let name = StreamName::parse(name).ok()?;
+        let known = self.get(&name);
+        if let Some(reason) = record.ended {
+            let ended = known.filter(|stream| stream.created_us() <= record.instance);
+            if let Some(stream) = ended {
+                tracing::info!(stream = %name, ?reason, "another node has ended the stream");
+                self.shared.lock().remove(&name);
+                stream.request(Request::Follow);
+            }
+            return None;
+        }
+        let max_faces = self.shared.options.load().limits.max_faces;
+        let configured = Configured::new(&[&record.config], max_faces);
+        let configured = configured.map_err(|error| {
+            tracing::error!(stream = %name, %error, "what another node says of the stream cannot be used");
+        });
+        let configured = configured.ok()?;
+        match known {
+            Some(stream) if stream.created_us() == record.instance => {
+                stream.take_configuration(configured);
+                return Some(stream);
+            }
+            Some(stream) if record.instance < stream.created_us() => return Some(stream),
+            // One that was made anew elsewhere.
+            Some(stream) => {
+                self.shared.lock().remove(&name);
+                stream.request(Request::Drain);
+            }
+            None => {}
+        }
+        let (timeout, origin) = (
+            self.shared.options.load().idle_timeout,
+            Origin::Bus(record.instance),
+        );
+        let adopted = self.shared.insert(&name, configured, timeout, origin);
+        match adopted {
+            Ok((stream, _)) => Some(stream),
+            Err(error) => {
+                tracing::warn!(stream = %name, %error, "a stream of another node cannot be followed");
+                None
+            }
+        }
     }
 }
 

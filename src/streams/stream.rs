@@ -6,17 +6,18 @@ use std::time::{Duration, Instant, SystemTime};
 
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::stream::{EndReason, StreamCounters, StreamState, StreamSummary};
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::stopwatch::microseconds;
-use crate::storage::Recordings;
+use crate::storage::{RawFrame, Recordings};
 use crate::telemetry::StreamMetrics;
 
 use super::events::{Events, Life};
 use super::history::{Delivered, History, HistoryLimits, Loss, Outcome};
 use super::intake::Intake;
 use super::publisher_slot::PublisherSlot;
+use super::relayed::Relayed;
 use super::tape::Tape;
 use super::{Configured, Occupied, Place, Publication, Refused, Seat, Session, StreamName};
 
@@ -41,6 +42,8 @@ pub(super) enum Request {
     Drain,
     /// End at once.
     Delete,
+    /// End at once, as other nodes have, which need not be told.
+    Follow,
 }
 
 #[derive(Debug, Default)]
@@ -69,12 +72,18 @@ pub struct Stream {
     configured: Mutex<Arc<Configured>>,
     history: Mutex<History>,
     last_arrival: Mutex<Option<Instant>>,
+    last_outcome: Mutex<Option<Instant>>,
     latest_accepted: Mutex<Option<u64>>,
     pub(super) counters: Counters,
     metrics: StreamMetrics,
     subscriber_queue: usize,
     events: Events,
     tape: Tape,
+    /// Frames on the bus whose outcome is not known.
+    relayed: Relayed,
+    records_at_once: bool,
+    /// The configuration was changed here, which other nodes are to be told.
+    changed: Notify,
 }
 
 /// What a stream starts with.
@@ -91,15 +100,22 @@ pub(super) struct Parts {
     pub events: Events,
     /// Where it is recorded.
     pub recordings: Option<Arc<Recordings>>,
+    /// When it was made.
+    pub created: SystemTime,
+    /// Whether it is recorded from the first; else from its first frame that comes in here.
+    pub records_at_once: bool,
 }
 
 impl Stream {
     pub(super) fn new(parts: Parts, intake: Intake) -> Self {
-        let tape = Tape::new(&parts.name, parts.recordings, &parts.configured);
+        let tape = Tape::new(parts.recordings);
+        if parts.records_at_once {
+            tape.configure(&parts.name, &parts.configured);
+        }
         Self {
             tape,
             name: parts.name,
-            created: SystemTime::now(),
+            created: parts.created,
             intake,
             publisher: Mutex::default(),
             linger: parts.linger,
@@ -108,11 +124,15 @@ impl Stream {
             configured: Mutex::new(Arc::new(parts.configured)),
             history: Mutex::new(History::new(parts.history)),
             last_arrival: Mutex::default(),
+            last_outcome: Mutex::default(),
             latest_accepted: Mutex::default(),
             counters: Counters::default(),
             metrics: parts.metrics,
             subscriber_queue: parts.subscriber_queue,
             events: parts.events,
+            relayed: Relayed::default(),
+            records_at_once: parts.records_at_once,
+            changed: Notify::new(),
         }
     }
 
@@ -230,7 +250,20 @@ impl Stream {
 
     /// Changes how its frames are processed, from the next one that is started on.
     pub fn configure(&self, configured: Configured) {
-        self.tape.configure(&self.name, &configured);
+        self.take_configuration(configured);
+        self.changed.notify_one();
+    }
+
+    /// Waits until the configuration has been changed here.
+    pub(super) async fn changed(&self) {
+        self.changed.notified().await;
+    }
+
+    /// Takes a configuration that others know already.
+    pub(super) fn take_configuration(&self, configured: Configured) {
+        if self.tape.has_begun() || self.records_at_once {
+            self.tape.configure(&self.name, &configured);
+        }
         *lock(&self.configured) = Arc::new(configured);
     }
 
@@ -311,7 +344,8 @@ impl Stream {
         // A deletion is not taken back by a later drain.
         self.request.send_if_modified(|current| {
             let changes = *current == Request::Run
-                || (*current, request) == (Request::Drain, Request::Delete);
+                || (*current, request) == (Request::Drain, Request::Delete)
+                || (*current, request) == (Request::Drain, Request::Follow);
             if changes {
                 *current = request;
             }
@@ -346,15 +380,51 @@ impl Stream {
         self.metrics.bytes_in.inc_by(byte_count as u64);
     }
 
+    /// Frames on the bus whose outcome is not known.
+    pub(super) fn relayed(&self) -> &Relayed {
+        &self.relayed
+    }
+
+    /// The newest frame whose outcome is known.
+    pub(super) fn newest_outcome(&self) -> Option<u64> {
+        self.history().newest_seq()
+    }
+
+    /// Records a frame that came in here.
+    pub(super) fn record_raw(&self, frame: RawFrame) {
+        // Of a stream that was heard of on the bus, the recording begins with the first frame
+        // that is published here.
+        self.tape.configure(&self.name, &self.configured());
+        self.tape.raw(frame);
+    }
+
+    /// Makes a frame known that was processed elsewhere; it is recorded where it was accepted.
+    pub(super) fn deliver_relayed(&self, metrics: FrameMetrics, draco: &[u8], is_own: bool) {
+        *lock(&self.last_outcome) = Some(Instant::now());
+        self.make_known(metrics, draco, is_own);
+    }
+
     /// Makes a frame known to readers and to whoever waits for it.
     pub(super) fn deliver(&self, metrics: FrameMetrics, draco: &[u8]) -> Arc<Delivered> {
+        self.make_known(metrics, draco, true)
+    }
+
+    /// How long ago its last frame came in or out here; none if none has.
+    pub(super) fn quiet_for(&self) -> Option<Duration> {
+        let last = (*lock(&self.last_arrival)).max(*lock(&self.last_outcome));
+        last.map(|last| last.elapsed())
+    }
+
+    fn make_known(&self, metrics: FrameMetrics, draco: &[u8], records: bool) -> Arc<Delivered> {
         let frame = self.history().deliver(metrics, draco);
         if self.counters.published.fetch_add(1, Relaxed) == 0 {
             let seq = frame.metrics.seq;
             self.events.life(&self.name, Life::Started { seq });
         }
         self.events.frame(&self.name, &frame.metrics);
-        self.tape.output(&frame.metrics, &frame.message);
+        if records {
+            self.tape.output(&frame.metrics, &frame.message);
+        }
         self.counters
             .bytes_out
             .fetch_add(draco.len() as u64, Relaxed);

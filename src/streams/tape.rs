@@ -20,17 +20,16 @@ pub struct Tape {
 }
 
 impl Tape {
-    pub(super) fn new(
-        name: &StreamName,
-        recordings: Option<Arc<Recordings>>,
-        configured: &Configured,
-    ) -> Self {
-        let tape = Self {
+    pub(super) fn new(recordings: Option<Arc<Recordings>>) -> Self {
+        Self {
             recordings,
             recorder: Mutex::default(),
-        };
-        tape.configure(name, configured);
-        tape
+        }
+    }
+
+    /// Whether something is or was recorded.
+    pub(super) fn has_begun(&self) -> bool {
+        self.lock().is_some()
     }
 
     /// Begins a recording if another thing is to be recorded than is.

@@ -26,14 +26,14 @@ use steadymesh_proto::stream::{Accepted, EndReason, Overload};
 use tokio::sync::{OwnedSemaphorePermit, mpsc, oneshot, watch};
 use tracing::{Instrument, Span};
 
-use crate::compute::{ComputePool, Length};
+use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{Output, PreparedFrame};
+use crate::processing::{Job, Lost, Outcome, prepare};
 use crate::stopwatch::microseconds;
 use crate::storage::RawFrame;
 
 use super::history::Loss;
 use super::intake::{Incoming, Refused};
-use super::job::{Job, Lost, Outcome, prepare};
 use super::ladder::Ladder;
 use super::settings::Configured;
 use super::stream::{Request, Stream};
@@ -154,7 +154,7 @@ impl Task {
                 Ok(()) = requests.changed() => match *requests.borrow() {
                     Request::Run => {}
                     Request::Drain => self.intake.close(),
-                    Request::Delete => return EndReason::Deleted,
+                    Request::Delete | Request::Follow => return EndReason::Deleted,
                 },
                 Some(done) = state.processing.next(), if !state.processing.is_empty() => {
                     let span = done.span.clone();
@@ -220,9 +220,14 @@ impl Task {
         let (pool, limits) = (Arc::clone(&self.pool), self.limits);
         async move {
             let prepared = pool
-                .run(Length::Short, move || prepare(&submission, &limits))
+                .run(Length::Short, move || {
+                    prepare(&submission.bytes, submission.format, &limits)
+                })
                 .await;
-            read(prepared.unwrap_or(Err(Refused::Panicked)))
+            read(match prepared {
+                Ok(prepared) => prepared.map_err(Refused::from),
+                Err(JobPanicked) => Err(Refused::Panicked),
+            })
         }
         .instrument(within)
         .boxed()
@@ -347,11 +352,11 @@ impl Task {
                 settings: configured.settings.at(quality),
                 frame,
                 previous,
-                previous_output: state.previous_output.replace(output),
                 times,
             };
+            let previous_output = state.previous_output.replace(output);
             state.processing.push_back(Box::pin(async move {
-                let outcome = job.run().instrument(span.clone()).await;
+                let outcome = job.run(previous_output).instrument(span.clone()).await;
                 if let Ok((processed, _)) = &outcome {
                     // Whoever comes next may do without.
                     sender.send(processed.output.clone()).ok();

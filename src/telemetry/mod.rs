@@ -9,8 +9,10 @@ mod registry;
 mod stream_metrics;
 pub mod traces;
 mod webhook_metrics;
+mod worker_metrics;
 
 pub use recording_metrics::RecordingMetrics;
 pub use registry::Telemetry;
 pub use stream_metrics::StreamMetrics;
 pub use webhook_metrics::EndpointMetrics;
+pub use worker_metrics::WorkerMetrics;

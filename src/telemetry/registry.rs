@@ -6,6 +6,7 @@ use super::owners::Owners;
 use super::recording_metrics::{self, RecordingMetrics};
 use super::stream_metrics::{Families, StreamMetrics};
 use super::webhook_metrics::{self, EndpointMetrics};
+use super::worker_metrics::WorkerMetrics;
 
 /// The metrics of one server. They belong to it: two servers in one process do not mix.
 #[derive(Debug)]
@@ -18,6 +19,8 @@ pub struct Telemetry {
     pub open_connections: IntGauge,
     /// Connections that were over a limit.
     pub refused_connections: IntCounter,
+    /// Of this process's worker, if it has one.
+    pub worker: WorkerMetrics,
     denied: IntCounterVec,
     owners: Owners,
     webhooks: webhook_metrics::Families,
@@ -68,6 +71,7 @@ impl Telemetry {
         ))?;
         let families = Families::register(&registry)?;
         let webhooks = webhook_metrics::Families::register(&registry)?;
+        let worker = WorkerMetrics::register(&registry)?;
         let recordings = recording_metrics::Families::register(&registry)?;
         Ok(Self {
             registry,
@@ -76,6 +80,7 @@ impl Telemetry {
             open_connections,
             refused_connections,
             denied,
+            worker,
             owners: Owners::default(),
             webhooks,
             recordings,

@@ -12,7 +12,7 @@ use steadymesh_proto::metrics::{Consistency, DistancePair, Quality, StageTimes};
 use super::owners::{Owners, Ownership};
 
 /// Around the 33 ms that a frame has at 30 frames per second, in seconds.
-const STAGE_BUCKETS: &[f64] = &[
+pub(super) const STAGE_BUCKETS: &[f64] = &[
     0.001, 0.002, 0.004, 0.008, 0.016, 0.033, 0.05, 0.066, 0.1, 0.2, 0.4, 0.8, 1.6,
 ];
 /// From one frame at 30 per second to a queue that is far too long, in seconds.
@@ -367,7 +367,7 @@ impl Drop for StreamMetrics {
     }
 }
 
-fn stages(times: &StageTimes) -> [(&'static str, u64); 6] {
+pub(super) fn stages(times: &StageTimes) -> [(&'static str, u64); 6] {
     [
         ("parse", times.parse),
         ("repair", times.repair),
@@ -378,7 +378,7 @@ fn stages(times: &StageTimes) -> [(&'static str, u64); 6] {
     ]
 }
 
-fn seconds(microseconds: u64) -> f64 {
+pub(super) fn seconds(microseconds: u64) -> f64 {
     Duration::from_micros(microseconds).as_secs_f64()
 }
 

@@ -164,7 +164,7 @@ async fn parameters_that_make_no_sense_are_named() {
 async fn a_body_that_does_not_come_in_time_is_given_up() {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let server = start_with(|config| config.limits.body_timeout_secs = 1).await;
-    let mut socket = tokio::net::TcpStream::connect(server.server.address())
+    let mut socket = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let head =
@@ -179,7 +179,7 @@ async fn a_body_that_does_not_come_in_time_is_given_up() {
 async fn half_a_head_does_not_hold_a_connection_for_ever() {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
     let server = start_with(|config| config.limits.header_timeout_secs = 1).await;
-    let mut socket = tokio::net::TcpStream::connect(server.server.address())
+    let mut socket = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     socket.write_all(b"GET / HTTP/1.1\r\nHos").await.unwrap();

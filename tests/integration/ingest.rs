@@ -298,7 +298,7 @@ async fn a_publisher_that_hangs_up_leaves_the_stream_as_it_was() {
     use tokio::io::AsyncWriteExt;
     let server = start().await;
     let body = frames(1).remove(0);
-    let mut socket = tokio::net::TcpStream::connect(server.server.address())
+    let mut socket = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let head = format!(
@@ -316,7 +316,7 @@ async fn a_publisher_that_hangs_up_leaves_the_stream_as_it_was() {
 async fn a_rig_whose_body_stalls_holds_no_place() {
     use tokio::io::AsyncWriteExt;
     let server = start_with(|config| config.streams.queue_depth = 1).await;
-    let mut stalled = tokio::net::TcpStream::connect(server.server.address())
+    let mut stalled = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let head =

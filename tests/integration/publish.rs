@@ -297,7 +297,7 @@ async fn a_message_over_the_limit_ends_the_connection_with_its_code() {
 /// A request that takes all the memory there is for frames, for as long as it stays half.
 async fn take_all_memory(server: &TestServer, bytes: usize) -> tokio::net::TcpStream {
     use tokio::io::AsyncWriteExt;
-    let mut half = tokio::net::TcpStream::connect(server.server.address())
+    let mut half = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let head = format!(
@@ -354,7 +354,7 @@ async fn a_large_frame_waits_for_memory_while_it_comes_in() {
 /// A publisher that has sent most of a frame, and goes on holding memory for it.
 async fn hold_most_of_a_frame(server: &TestServer) -> tokio::net::TcpStream {
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
-    let mut holder = tokio::net::TcpStream::connect(server.server.address())
+    let mut holder = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let handshake = "GET /v1/streams/other/publish HTTP/1.1\r\nhost: localhost\r\n\

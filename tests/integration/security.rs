@@ -272,7 +272,7 @@ async fn pages_of_other_origins_are_refused_unless_they_are_configured() {
         StatusCode::FORBIDDEN
     );
     assert_eq!(request("null").await.status(), StatusCode::FORBIDDEN);
-    let own = format!("http://{}", server.server.address());
+    let own = format!("http://{}", server.server.address().unwrap());
     assert!(request(&own).await.status().is_success());
     let allowed = request("https://studio.example").await;
     assert!(allowed.status().is_success());
@@ -291,7 +291,7 @@ async fn connections_over_the_limit_are_told_so_and_others_go_on() {
     let server = start_with(|config| config.limits.connections = 3).await;
     let mut open = Vec::new();
     for _ in 0..3 {
-        let mut socket = tokio::net::TcpStream::connect(server.server.address())
+        let mut socket = tokio::net::TcpStream::connect(server.server.address().unwrap())
             .await
             .unwrap();
         socket
@@ -303,7 +303,7 @@ async fn connections_over_the_limit_are_told_so_and_others_go_on() {
         assert_eq!(&start, b"HTTP/1.1 200");
         open.push(socket);
     }
-    let mut refused = tokio::net::TcpStream::connect(server.server.address())
+    let mut refused = tokio::net::TcpStream::connect(server.server.address().unwrap())
         .await
         .unwrap();
     let mut answer = String::new();

@@ -52,11 +52,12 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
         Arc::clone(&pool),
         Arc::clone(&telemetry),
         recordings,
+        None,
     )
     .unwrap();
     let webhooks =
         Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry)).unwrap();
-    let server = Server::start(config.server(), registry, pool, telemetry)
+    let server = Server::start(config.server(), registry, pool, telemetry, None)
         .await
         .unwrap();
     TestServer {
@@ -68,7 +69,7 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
 
 impl TestServer {
     pub fn url(&self, path: &str) -> String {
-        format!("http://{}{path}", self.server.address())
+        format!("http://{}{path}", self.server.address().unwrap())
     }
 
     pub async fn get(&self, path: &str) -> Response {

@@ -31,21 +31,20 @@ impl std::fmt::Debug for Tail {
 impl Tail {
     /// Starts reading now.
     pub async fn begin(client: &Client, log: &Stream) -> Result<Self, BusError> {
-        let mut tail = Self {
+        let messages = Self::read(client, log, None).await;
+        Ok(Self {
             client: client.clone(),
             log: log.clone(),
-            messages: None,
+            messages: Some(messages.map_err(unavailable)?),
             last: None,
-        };
-        tail.messages = Some(tail.read().await.map_err(unavailable)?);
-        Ok(tail)
+        })
     }
 
     /// The next message: subject, headers and payload. Cancel safe.
     pub async fn next(&mut self) -> (String, HeaderMap, Bytes) {
         loop {
             let Some(messages) = &mut self.messages else {
-                match self.read().await {
+                match Self::read(&self.client, &self.log, self.last).await {
                     Ok(messages) => self.messages = Some(messages),
                     Err(error) => {
                         tracing::debug!(%error, "a log of the bus cannot be read");
@@ -78,21 +77,26 @@ impl Tail {
         }
     }
 
-    async fn read(&self) -> Result<push::Ordered, async_nats::Error> {
-        let deliver_policy = match self.last {
+    /// Not a method: what has been begun cannot be shared between threads.
+    async fn read(
+        client: &Client,
+        log: &Stream,
+        last: Option<u64>,
+    ) -> Result<push::Ordered, async_nats::Error> {
+        let deliver_policy = match last {
             None => DeliverPolicy::LastPerSubject,
             Some(last) => DeliverPolicy::ByStartSequence {
                 start_sequence: last + 1,
             },
         };
-        let subjects = &self.log.cached_info().config.subjects;
+        let subjects = &log.cached_info().config.subjects;
         let config = push::OrderedConfig {
-            deliver_subject: self.client.new_inbox(),
+            deliver_subject: client.new_inbox(),
             // The server wants one where it is to find the last of each.
             filter_subject: subjects.first().cloned().unwrap_or_default(),
             deliver_policy,
             ..push::OrderedConfig::default()
         };
-        Ok(self.log.create_consumer(config).await?.messages().await?)
+        Ok(log.create_consumer(config).await?.messages().await?)
     }
 }

@@ -2,56 +2,91 @@
 
 use std::sync::Arc;
 
-use steadymesh_mesh_io::{Limits, read};
+use steadymesh_mesh_io::{Format, Limits, ReadError, read};
 use steadymesh_proto::metrics::StageTimes;
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{
     Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
-    StageObserver, process_registered, register,
+    StageObserver, UnusableFrame, process_registered, register,
 };
 use crate::stopwatch::Stopwatch;
 
-use super::{Refused, Submission};
-
 /// All that a frame is processed with.
-pub(super) struct Job {
+#[derive(Debug)]
+pub struct Job {
+    /// Where it is done.
     pub pool: Arc<ComputePool>,
+    /// How.
     pub settings: Settings,
+    /// The frame.
     pub frame: Arc<PreparedFrame>,
+    /// The frame before.
     pub previous: Option<Arc<PreparedFrame>>,
-    pub previous_output: Option<oneshot::Receiver<Output>>,
+    /// How long what has been done took.
     pub times: StageTimes,
 }
 
 /// Why a frame did not come out.
 #[derive(Debug)]
-pub(super) enum Lost {
+#[non_exhaustive]
+pub enum Lost {
+    /// It gave way to a newer one.
     Overload,
+    /// Draco refused its part.
     Failed(ProcessFailed),
+    /// A defect.
     Panicked,
 }
 
-pub(super) type Outcome = Result<(ProcessedFrame, StageTimes), Lost>;
+/// What becomes of a frame.
+pub type Outcome = Result<(ProcessedFrame, StageTimes), Lost>;
+
+/// Why a body is not a frame.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NotAFrame {
+    /// It is not a mesh in this format, or too large a one.
+    #[error(transparent)]
+    Unreadable(#[from] ReadError),
+    /// It is a mesh, but not one that can be worked on.
+    #[error(transparent)]
+    Unusable(#[from] UnusableFrame),
+}
 
 /// What became of the previous frame's registration: none if there was nothing to register.
-#[derive(Default)]
-struct Registration {
+#[derive(Debug, Default)]
+pub struct Registration {
     registered: Option<Registered>,
     error: Option<String>,
 }
 
 impl Job {
     /// Registers, waits for the previous frame's result if that is needed, and does the rest.
-    pub async fn run(mut self) -> Outcome {
-        let Registration { registered, error } = self.register().await?;
-        let is_of_use = |registered: &Registered| registered.scene_cut().is_none();
-        let carries = registered.as_ref().is_some_and(is_of_use) && self.settings.carries_output();
-        let output = match self.previous_output {
-            Some(output) if carries => output.await.ok(),
+    pub async fn run(mut self, previous_output: Option<oneshot::Receiver<Output>>) -> Outcome {
+        let registration = self.register().await?;
+        let output = match previous_output {
+            Some(output) if self.wants_output(&registration) => output.await.ok(),
             Some(_) | None => None,
         };
+        self.finish(registration, output).await
+    }
+
+    /// Whether what became of the previous frame takes part in the rest.
+    #[must_use]
+    pub fn wants_output(&self, registration: &Registration) -> bool {
+        let is_of_use = |registered: &Registered| registered.scene_cut().is_none();
+        registration.registered.as_ref().is_some_and(is_of_use) && self.settings.carries_output()
+    }
+
+    /// Does the rest.
+    ///
+    /// # Errors
+    ///
+    /// [`Lost`].
+    pub async fn finish(self, registration: Registration, output: Option<Output>) -> Outcome {
+        let Registration { registered, error } = registration;
         let (frame, settings, times) = (self.frame, self.settings, self.times);
         let rest = move || {
             let output = output.as_ref();
@@ -72,7 +107,12 @@ impl Job {
         }
     }
 
-    async fn register(&mut self) -> Result<Registration, Lost> {
+    /// Registers the previous frame onto this one.
+    ///
+    /// # Errors
+    ///
+    /// [`Lost::Panicked`]: a registration that fails is a result.
+    pub async fn register(&mut self) -> Result<Registration, Lost> {
         let Some(previous) = self.previous.take() else {
             return Ok(Registration::default());
         };
@@ -104,17 +144,22 @@ impl Job {
 }
 
 /// Parses and repairs a body.
-pub(super) fn prepare(
-    submission: &Submission,
+///
+/// # Errors
+///
+/// [`NotAFrame`] says what is wrong, and where.
+pub fn prepare(
+    body: &[u8],
+    format: Format,
     limits: &Limits,
-) -> Result<(PreparedFrame, StageTimes), Refused> {
+) -> Result<(PreparedFrame, StageTimes), NotAFrame> {
     let mut stopwatch = Stopwatch::start();
-    let mesh = read(&submission.bytes, submission.format, limits)?;
+    let mesh = read(body, format, limits)?;
     stopwatch.parsed();
     let raw = RawFrame {
         positions: mesh.positions,
         faces: mesh.faces,
-        byte_count: submission.bytes.len(),
+        byte_count: body.len(),
     };
     let frame = PreparedFrame::new(raw, &mut stopwatch)?;
     Ok((frame, stopwatch.times()))

@@ -1,0 +1,341 @@
+//! The task of a stream whose frames are processed elsewhere: it checks them and puts them on the
+//! bus, one after the other. What becomes of them comes back by [`Stream::take_outcome`].
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+
+use futures_util::StreamExt;
+use futures_util::future::{BoxFuture, FutureExt};
+use futures_util::stream::FuturesOrdered;
+use steadymesh_mesh_io::Limits;
+use steadymesh_proto::DeliveredFrame;
+use steadymesh_proto::stream::{Accepted, DropReason, EndReason};
+use tokio::sync::{mpsc, watch};
+
+use crate::bus::{Bus, BusError, Frame, Outcome, Predecessor, Processed, StreamRecord};
+use crate::compute::{ComputePool, JobPanicked, Length};
+use crate::processing::prepare;
+use crate::stopwatch::microseconds;
+use crate::storage::RawFrame;
+
+use super::Refused;
+use super::history::Loss;
+use super::intake::Incoming;
+use super::stream::{Request, Stream};
+
+/// Frames that are being checked at a time.
+const READING: usize = 4;
+/// How long a publisher waits for a bus that is away, before it is told to come back.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Between two attempts to reach it.
+const RETRY: Duration = Duration::from_millis(200);
+
+/// What the task works with.
+#[derive(Debug)]
+pub(super) struct Relay {
+    pub stream: Arc<Stream>,
+    pub bus: Bus,
+    pub intake: mpsc::Receiver<Incoming>,
+    pub pool: Arc<ComputePool>,
+    pub limits: Limits,
+    pub first_frame_timeout: Duration,
+    pub idle_timeout: Duration,
+    /// Whether other nodes know of it: it was heard of on the bus.
+    pub is_known: bool,
+}
+
+/// A body that has been looked at.
+struct Read {
+    incoming: Incoming,
+    checked: Result<(), Refused>,
+}
+
+/// The stream's last frame on the bus, as far as it is known here.
+#[derive(Debug, Clone, Copy, Default)]
+struct Last {
+    predecessor: Option<Predecessor>,
+    /// Whether it has been looked at.
+    is_known: bool,
+}
+
+impl Relay {
+    /// Runs until the stream ends.
+    pub async fn run(mut self) {
+        let mut requests = self.stream.requests();
+        // One that came before this task did.
+        requests.mark_changed();
+        let reason = self.work(&mut requests).await;
+        self.stream.counters.queued.store(0, Relaxed);
+        // A server that stops leaves the stream to others.
+        let is_known = *requests.borrow() == Request::Follow;
+        if reason != EndReason::Shutdown && !is_known {
+            self.announce(Some(reason)).await;
+        }
+        self.stream.end(reason);
+        tracing::info!(stream = %self.stream.name(), ?reason, "stream ended");
+        self.intake.close();
+        while self.intake.recv().await.is_some() {}
+    }
+
+    async fn work(&mut self, requests: &mut watch::Receiver<Request>) -> EndReason {
+        if !self.is_known {
+            self.announce(None).await;
+        }
+        let mut reading: FuturesOrdered<BoxFuture<'static, Read>> = FuturesOrdered::new();
+        let mut last = Last::default();
+        let idle = tokio::time::sleep(self.first_frame_timeout);
+        tokio::pin!(idle);
+        let mut closed = false;
+        let stream = Arc::clone(&self.stream);
+        loop {
+            tokio::select! {
+                biased;
+                Ok(()) = requests.changed() => match *requests.borrow() {
+                    Request::Run => {}
+                    Request::Drain => self.intake.close(),
+                    Request::Delete | Request::Follow => return EndReason::Deleted,
+                },
+                () = stream.changed() => self.announce(None).await,
+                Some(read) = reading.next(), if !reading.is_empty() => {
+                    if self.admit(read, &mut last).await {
+                        idle.as_mut().reset(tokio::time::Instant::now() + self.idle_timeout);
+                    }
+                }
+                incoming = self.intake.recv(), if !closed && reading.len() < READING => {
+                    match incoming {
+                        Some(incoming) => reading.push_back(self.read(incoming)),
+                        None => closed = true,
+                    }
+                }
+                () = stream.relayed().all_settled(), if closed && reading.is_empty() => {
+                    return EndReason::Shutdown;
+                }
+                () = &mut idle, if reading.is_empty() && stream.relayed().len() == 0 => {
+                    let quiet = stream.quiet_for();
+                    if quiet.is_none_or(|quiet| self.idle_timeout <= quiet)
+                        && !stream.has_publisher()
+                    {
+                        return EndReason::Idle;
+                    }
+                    // Others may publish it: frames come out.
+                    let quiet = quiet.unwrap_or_default();
+                    let left = self.idle_timeout.saturating_sub(quiet).max(RETRY);
+                    idle.as_mut().reset(tokio::time::Instant::now() + left);
+                }
+            }
+        }
+    }
+
+    /// Looks at a body on the pool: what is wrong with it its publisher hears.
+    fn read(&self, incoming: Incoming) -> BoxFuture<'static, Read> {
+        let name = self.stream.name().as_str();
+        incoming.span.record("stream", name);
+        let body = incoming.submission.bytes.clone();
+        let (format, limits) = (incoming.submission.format, self.limits);
+        let pool = Arc::clone(&self.pool);
+        async move {
+            let checked = pool
+                .run(Length::Short, move || {
+                    prepare(&body, format, &limits).map(drop)
+                })
+                .await;
+            let checked = match checked {
+                Ok(checked) => checked.map_err(Refused::from),
+                Err(JobPanicked) => Err(Refused::Panicked),
+            };
+            Read { incoming, checked }
+        }
+        .boxed()
+    }
+
+    /// Puts a frame on the bus and answers its publisher; false if it is refused.
+    async fn admit(&self, read: Read, last: &mut Last) -> bool {
+        let Incoming {
+            submission,
+            reply,
+            place,
+            span,
+        } = read.incoming;
+        if let Err(refused) = read.checked {
+            reply.send(Err(refused)).ok();
+            return false;
+        }
+        let stream = &self.stream;
+        let received = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        let mut frame = Frame {
+            stream: stream.name().to_string(),
+            instance: stream.created_us(),
+            seq: 0,
+            capture_time_us: submission.capture_time_us,
+            received_us: microseconds(received.unwrap_or_default()),
+            content_type: submission.format.content_type().to_owned(),
+            predecessor: None,
+            body: submission.bytes.clone(),
+        };
+        let mut place = Some(place);
+        let arrived = submission.arrived;
+        let stored = self
+            .store(&mut frame, submission.seq, last, || {
+                place.take().map(|place| (arrived, place))
+            })
+            .await;
+        let answer = match stored {
+            Ok(is_new) => {
+                span.record("seq", frame.seq);
+                if is_new {
+                    stream.count_received(frame.seq, frame.body.len(), arrived);
+                    stream.record_raw(RawFrame {
+                        seq: frame.seq,
+                        capture_time_us: frame.capture_time_us,
+                        content_type: submission.format.content_type(),
+                        body: submission.bytes,
+                    });
+                }
+                let queued = stream.relayed().len();
+                stream.counters.queued.store(queued, Relaxed);
+                stream.metrics().queued.set(queued as i64);
+                Ok(Accepted {
+                    seq: frame.seq,
+                    queued,
+                    duplicate: !is_new,
+                })
+            }
+            Err(refused) => Err(refused),
+        };
+        let is_accepted = answer.is_ok();
+        // Whoever has left does not want to know.
+        reply.send(answer).ok();
+        is_accepted
+    }
+
+    /// Stores a frame behind the stream's last one, whichever gateway that came through. False if
+    /// it has been stored before.
+    async fn store(
+        &self,
+        frame: &mut Frame,
+        asked: Option<u64>,
+        last: &mut Last,
+        mut place: impl FnMut() -> Option<(Instant, tokio::sync::OwnedSemaphorePermit)>,
+    ) -> Result<bool, Refused> {
+        let began = Instant::now();
+        loop {
+            match self.try_store(frame, asked, last, &mut place).await {
+                Ok(is_new) => return Ok(is_new),
+                Err(Attempt::Refused(refused)) => return Err(refused),
+                // Others were faster: behind them.
+                Err(Attempt::Bus(BusError::Conflict)) => *last = Last::default(),
+                Err(Attempt::Bus(BusError::Full)) => {
+                    self.stream.relayed().take_back(frame.seq);
+                    return Err(Refused::QueueFull);
+                }
+                Err(Attempt::Bus(error)) => {
+                    if PATIENCE < began.elapsed() {
+                        self.stream.relayed().take_back(frame.seq);
+                        *last = Last::default();
+                        return Err(Refused::BusAway(error.to_string()));
+                    }
+                    tokio::time::sleep(RETRY).await;
+                }
+            }
+        }
+    }
+
+    async fn try_store(
+        &self,
+        frame: &mut Frame,
+        asked: Option<u64>,
+        last: &mut Last,
+        place: &mut impl FnMut() -> Option<(Instant, tokio::sync::OwnedSemaphorePermit)>,
+    ) -> Result<bool, Attempt> {
+        if !last.is_known {
+            let found = self.bus.last(&frame.stream).await.map_err(Attempt::Bus)?;
+            let own = found.filter(|(_, found)| found.instance == frame.instance);
+            *last = Last {
+                predecessor: own.map(|(position, found)| Predecessor {
+                    position,
+                    seq: found.seq,
+                }),
+                is_known: true,
+            };
+        }
+        let latest = last.predecessor.map(|before| before.seq);
+        let seq = asked.unwrap_or_else(|| latest.map_or(0, |latest| latest.saturating_add(1)));
+        if let Some(latest) = latest.filter(|latest| seq <= *latest) {
+            // Sent again because an answer was lost, ours or the bus's: it is in already.
+            if seq == latest {
+                frame.seq = seq;
+                return Ok(false);
+            }
+            return Err(Attempt::Refused(Refused::SeqGoesBack { seq, latest }));
+        }
+        frame.seq = seq;
+        frame.predecessor = last.predecessor;
+        // Before it is there: its outcome may be faster than the bus's answer.
+        if let Some((arrived, place)) = place() {
+            self.stream.relayed().push(seq, arrived, place);
+        }
+        let position = self.bus.append(frame).await.map_err(Attempt::Bus)?;
+        last.predecessor = Some(Predecessor { position, seq });
+        Ok(true)
+    }
+
+    /// Tells other nodes how the stream is configured, or that it has ended.
+    async fn announce(&self, ended: Option<EndReason>) {
+        let record = StreamRecord {
+            instance: self.stream.created_us(),
+            config: self.stream.configured().config.clone(),
+            ended,
+        };
+        let began = Instant::now();
+        while let Err(error) = self
+            .bus
+            .announce(self.stream.name().as_str(), &record)
+            .await
+        {
+            if PATIENCE < began.elapsed() {
+                tracing::warn!(stream = %self.stream.name(), %error, "other nodes could not be told of the stream");
+                return;
+            }
+            tokio::time::sleep(RETRY).await;
+        }
+    }
+}
+
+/// Why a frame was not stored at once.
+enum Attempt {
+    Refused(Refused),
+    Bus(BusError),
+}
+
+impl Stream {
+    /// Takes what became of a frame that was on the bus.
+    pub(super) fn take_outcome(&self, processed: &Processed) {
+        let seq = processed.seq;
+        let is_known = self.newest_outcome().is_some_and(|newest| seq <= newest);
+        if processed.instance != self.created_us() || is_known {
+            return;
+        }
+        let arrived = self.relayed().settle(seq);
+        let queued = self.relayed().len();
+        self.counters.queued.store(queued, Relaxed);
+        self.metrics().queued.set(queued as i64);
+        let loss = match &processed.outcome {
+            Outcome::Delivered(message) => match DeliveredFrame::decode(message) {
+                Ok(frame) => {
+                    let metrics = frame.metrics.clone();
+                    self.deliver_relayed(metrics, frame.mesh, arrived.is_some());
+                    return;
+                }
+                Err(error) => {
+                    tracing::error!(stream = %self.name(), seq, %error, "an outcome cannot be read");
+                    Loss::Failed
+                }
+            },
+            Outcome::Lost(DropReason::Overload) => Loss::Overload,
+            Outcome::Lost(_) => Loss::Failed,
+        };
+        let after = arrived.map_or(Duration::ZERO, |arrived| arrived.elapsed());
+        self.lose(seq, loss, after);
+    }
+}

@@ -1,0 +1,78 @@
+//! Frames that a gateway has put on the bus, until their outcomes are known.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use tokio::sync::{Notify, OwnedSemaphorePermit};
+
+/// A frame on the bus.
+#[derive(Debug)]
+struct Pending {
+    seq: u64,
+    arrived: Instant,
+    /// Its place in the stream's queue.
+    _place: OwnedSemaphorePermit,
+}
+
+/// Those that were accepted here, in the order of their numbers. Each has a place in the stream's
+/// queue, which is their bound.
+#[derive(Debug, Default)]
+pub(super) struct Relayed {
+    pending: Mutex<VecDeque<Pending>>,
+    settled: Notify,
+}
+
+impl Relayed {
+    /// A frame is on the bus, or about to be.
+    pub fn push(&self, seq: u64, arrived: Instant, place: OwnedSemaphorePermit) {
+        self.lock().push_back(Pending {
+            seq,
+            arrived,
+            _place: place,
+        });
+    }
+
+    /// A frame did not get onto the bus.
+    pub fn take_back(&self, seq: u64) {
+        self.lock().retain(|pending| pending.seq != seq);
+        self.settled.notify_waiters();
+    }
+
+    /// The outcome of a frame is known, and so are those before it; when it arrived, if it was
+    /// accepted here.
+    pub fn settle(&self, seq: u64) -> Option<Instant> {
+        let mut pending = self.lock();
+        let mut arrived = None;
+        while pending.front().is_some_and(|first| first.seq <= seq) {
+            let first = pending.pop_front();
+            arrived = first
+                .filter(|first| first.seq == seq)
+                .map(|first| first.arrived);
+        }
+        drop(pending);
+        self.settled.notify_waiters();
+        arrived
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.lock().len()
+    }
+
+    /// Waits until the outcomes of all of them are known.
+    pub async fn all_settled(&self) {
+        loop {
+            let settled = self.settled.notified();
+            if self.len() == 0 {
+                return;
+            }
+            settled.await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Pending>> {
+        // Nothing that panics is done under this lock.
+        self.pending.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,158 @@
+//! Processes frames that gateways have put on the bus.
+//!
+//! Registering a frame takes the frame and its predecessor, which are on the bus, and nothing else:
+//! any number of workers do it side by side. The rest waits for what became of the predecessor,
+//! whoever made that, and so outcomes leave in order. A worker keeps nothing that another could not
+//! find on the bus: one that dies costs the time until its frames are given to others.
+//!
+//! A frame that waits for its predecessor's outcome holds no thread, so that the predecessor, if it
+//! comes again because its worker died, always finds one; and no more than [`MAX_WAITING`] wait at a
+//! time, the others go back to the bus.
+
+mod board;
+mod cache;
+mod work;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use steadymesh_mesh_io::Limits;
+use tokio::sync::Semaphore;
+use tokio_util::sync::{CancellationToken, DropGuard};
+use tokio_util::task::TaskTracker;
+
+use crate::bus::{Bus, BusError};
+use crate::compute::ComputePool;
+use crate::telemetry::Telemetry;
+
+use board::Board;
+use cache::Cache;
+
+/// Frames that wait for their predecessor's outcome; each holds tens of megabytes.
+const MAX_WAITING: usize = 4;
+/// Between two attempts to reach a bus that is away.
+const RETRY: Duration = Duration::from_millis(300);
+
+/// How a worker works.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// How large a frame may be.
+    pub limits: Limits,
+    /// How soon the bus gives a frame to another worker if this one does not say that it is at it.
+    pub ack_wait: Duration,
+    /// After so long a frame of a `live` stream gives way to newer ones.
+    pub live_max_age: Duration,
+}
+
+/// A worker. It works until [`Worker::shut_down`].
+#[derive(Debug)]
+pub struct Worker {
+    stop: CancellationToken,
+    tasks: TaskTracker,
+    /// Frames in work hear of others until the last of them is through.
+    _board: DropGuard,
+}
+
+/// What the work on all frames shares.
+#[derive(Debug)]
+struct Shared {
+    bus: Bus,
+    pool: Arc<ComputePool>,
+    telemetry: Arc<Telemetry>,
+    options: Options,
+    board: Board,
+    cache: Cache,
+    /// For frames that are read and registered.
+    threads: Arc<Semaphore>,
+    /// For frames that wait for an outcome.
+    waiting: Semaphore,
+}
+
+impl Worker {
+    /// Starts working; must be called within a Tokio runtime.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError`] if the bus cannot be listened to.
+    pub async fn start(
+        bus: Bus,
+        pool: Arc<ComputePool>,
+        telemetry: Arc<Telemetry>,
+        options: Options,
+    ) -> Result<Self, BusError> {
+        let (outcomes, records) = (bus.outcomes().await?, bus.records().await?);
+        let threads = pool.thread_count();
+        let shared = Arc::new(Shared {
+            bus,
+            pool,
+            telemetry,
+            options,
+            board: Board::default(),
+            cache: Cache::new(threads),
+            threads: Arc::new(Semaphore::new(threads)),
+            waiting: Semaphore::new(MAX_WAITING),
+        });
+        let (stop, tasks) = (CancellationToken::new(), TaskTracker::new());
+        let board = CancellationToken::new();
+        tokio::spawn({
+            let (shared, board) = (Arc::clone(&shared), board.clone());
+            async move {
+                tokio::select! {
+                    () = shared.board.listen(outcomes, records) => {}
+                    () = board.cancelled() => {}
+                }
+            }
+        });
+        tasks.spawn(pull(Arc::clone(&shared), tasks.clone(), stop.clone()));
+        Ok(Self {
+            stop,
+            tasks,
+            _board: board.drop_guard(),
+        })
+    }
+
+    /// Takes no more frames, and finishes those that it has; after `patience` they are left to
+    /// others.
+    pub async fn shut_down(self, patience: Duration) {
+        self.stop.cancel();
+        self.tasks.close();
+        if tokio::time::timeout(patience, self.tasks.wait())
+            .await
+            .is_err()
+        {
+            tracing::warn!("frames are left to other workers: they took too long");
+        }
+    }
+}
+
+/// Takes frames as long as there are threads for them.
+async fn pull(shared: Arc<Shared>, tasks: TaskTracker, stop: CancellationToken) {
+    let mut is_away = false;
+    loop {
+        let permit = tokio::select! {
+            permit = Arc::clone(&shared.threads).acquire_owned() => permit,
+            () = stop.cancelled() => return,
+        };
+        // It is never closed.
+        let Ok(permit) = permit else { return };
+        let pulled = tokio::select! {
+            pulled = shared.bus.pull() => pulled,
+            // What was on its way is given to another worker.
+            () = stop.cancelled() => return,
+        };
+        match pulled {
+            Ok(Some(job)) => {
+                is_away = false;
+                let shared = Arc::clone(&shared);
+                tasks.spawn(async move { work::handle(&shared, job, permit).await });
+            }
+            Ok(None) => is_away = false,
+            Err(error) => {
+                if !std::mem::replace(&mut is_away, true) {
+                    tracing::warn!(%error, "no frames can be had");
+                }
+                tokio::time::sleep(RETRY).await;
+            }
+        }
+    }
+}

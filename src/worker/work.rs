@@ -1,0 +1,359 @@
+//! What a worker does with one frame.
+
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use bytes::Bytes;
+use steadymesh_mesh_io::Format;
+use steadymesh_proto::DeliveredFrame;
+use steadymesh_proto::metrics::{Quality, StageTimes};
+use steadymesh_proto::stream::{DropReason, Overload};
+use tokio::sync::OwnedSemaphorePermit;
+
+use crate::bus::{BusError, Frame, Job, Outcome, Position, Processed};
+use crate::compute::Length;
+use crate::pipeline::{Output, PreparedFrame, ProcessedFrame};
+use crate::processing::{self, Lost, prepare};
+use crate::stopwatch::microseconds;
+use crate::streams::Configured;
+
+use super::board::Fate;
+use super::{RETRY, Shared};
+
+/// A frame that has been given out so often has taken its workers with it, and is lost.
+const MAX_DELIVERIES: u64 = 8;
+/// A frame of a stream that nobody has announced within this time goes back.
+const UNKNOWN: Duration = Duration::from_secs(2);
+/// A frame that goes back comes again after this time.
+const BACK: Duration = Duration::from_millis(250);
+
+/// Why a frame was not processed.
+enum Stop {
+    /// It is known already what became of it, or nobody wants to know.
+    NotWanted,
+    /// Another attempt may do better.
+    Later(String),
+    /// The bus is away.
+    Bus(BusError),
+}
+
+impl From<BusError> for Stop {
+    fn from(error: BusError) -> Self {
+        Self::Bus(error)
+    }
+}
+
+/// What a frame is processed with.
+struct Inputs {
+    configured: Configured,
+    frame: Arc<PreparedFrame>,
+    times: StageTimes,
+    previous: Option<(Position, u64, Arc<PreparedFrame>)>,
+}
+
+/// Processes a frame, tells what became of it, and answers for it. Whatever goes wrong, the frame
+/// comes again.
+pub(super) async fn handle(shared: &Shared, job: Job, permit: OwnedSemaphorePermit) {
+    let keep = async {
+        loop {
+            tokio::time::sleep(shared.options.ack_wait / 3).await;
+            job.keep().await;
+        }
+    };
+    let done = tokio::select! {
+        done = process(shared, &job, permit) => done,
+        () = keep => return,
+    };
+    let (stream, seq) = (job.frame.stream.clone(), job.frame.seq);
+    let predecessor = job.frame.predecessor;
+    let answered = match done {
+        Ok(()) | Err(Stop::NotWanted) => {
+            if let Some(before) = predecessor
+                && let Err(error) = shared.bus.forget(before.position).await
+            {
+                tracing::debug!(%error, "a frame is left on the bus until it is too old");
+            }
+            job.done().await
+        }
+        Err(Stop::Later(reason)) => {
+            tracing::debug!(%stream, seq, reason, "a frame goes back to the bus");
+            job.put_back(BACK).await;
+            Ok(())
+        }
+        Err(Stop::Bus(error)) => Err(error),
+    };
+    if let Err(error) = answered {
+        tracing::debug!(%stream, seq, %error, "a frame will come again");
+    }
+}
+
+async fn process(shared: &Shared, job: &Job, permit: OwnedSemaphorePermit) -> Result<(), Stop> {
+    let frame = &job.frame;
+    let record = tokio::time::timeout(UNKNOWN, shared.board.record(&frame.stream)).await;
+    let record = record.map_err(|_| Stop::Later("nobody has announced its stream".to_owned()))?;
+    let is_over = record.instance == frame.instance && record.ended.is_some();
+    if is_over || frame.instance < record.instance {
+        return Err(Stop::NotWanted);
+    }
+    let fate = shared.board.fate(&frame.stream, frame.instance, frame.seq);
+    if fate != Fate::Open {
+        return Err(Stop::NotWanted);
+    }
+    let age = age(frame);
+    let configured = Configured::new(&[&record.config], shared.options.limits.max_faces);
+    let is_live = record.config.overload == Some(Overload::Live);
+    let lost = if MAX_DELIVERIES < job.deliveries {
+        tracing::error!(
+            stream = %frame.stream, seq = frame.seq, deliveries = job.deliveries,
+            "frame lost: no worker survives it"
+        );
+        Some(DropReason::Failed)
+    } else if is_live && shared.options.live_max_age < age {
+        Some(DropReason::Overload)
+    } else {
+        None
+    };
+    let outcome = match (lost, configured) {
+        (Some(reason), _) => {
+            drop(permit);
+            await_turn(shared, frame).await?;
+            Outcome::Lost(reason)
+        }
+        (None, Err(error)) => {
+            tracing::error!(stream = %frame.stream, %error, "its configuration cannot be used");
+            drop(permit);
+            await_turn(shared, frame).await?;
+            Outcome::Lost(DropReason::Failed)
+        }
+        (None, Ok(configured)) => compute(shared, job, configured, permit, age).await?,
+    };
+    let processed = Processed {
+        stream: frame.stream.clone(),
+        instance: frame.instance,
+        seq: frame.seq,
+        outcome,
+    };
+    while let Err(error) = shared.bus.publish(&processed).await {
+        tracing::debug!(%error, "an outcome cannot be told yet");
+        tokio::time::sleep(RETRY).await;
+    }
+    // Not heard from the bus first: the next frame may be here already.
+    shared.board.write_outcome(processed);
+    Ok(())
+}
+
+/// Registers at once, then waits for its turn, then does the rest.
+async fn compute(
+    shared: &Shared,
+    job: &Job,
+    configured: Configured,
+    permit: OwnedSemaphorePermit,
+    age: Duration,
+) -> Result<Outcome, Stop> {
+    let frame = &job.frame;
+    let quality = quality(&configured, age, shared.options.live_max_age);
+    let inputs = match inputs(shared, job, configured, quality).await {
+        Ok(inputs) => inputs,
+        Err(Stop::Later(reason)) => {
+            tracing::error!(stream = %frame.stream, seq = frame.seq, reason, "frame lost");
+            drop(permit);
+            await_turn(shared, frame).await?;
+            return Ok(Outcome::Lost(DropReason::Failed));
+        }
+        Err(stop) => return Err(stop),
+    };
+    let previous = inputs.previous.as_ref();
+    let reference_seq = previous.map(|(_, seq, _)| *seq);
+    let mut work = processing::Job {
+        pool: Arc::clone(&shared.pool),
+        settings: inputs.configured.settings.at(quality),
+        frame: Arc::clone(&inputs.frame),
+        previous: previous.map(|(_, _, frame)| Arc::clone(frame)),
+        times: inputs.times.clone(),
+    };
+    let registration = match work.register().await {
+        Ok(registration) => registration,
+        Err(lost) => {
+            drop(permit);
+            await_turn(shared, frame).await?;
+            return Ok(failed(frame, &lost));
+        }
+    };
+    drop(permit);
+    let before = await_turn(shared, frame).await?;
+    // Without a permit, which may be with whoever waits for the next frame: the pool has as many
+    // threads as there are, and those who come last, this one's successors, wait for it.
+    let output = match (work.wants_output(&registration), before) {
+        (true, Some(Outcome::Delivered(message))) => {
+            let position = inputs.previous.as_ref().map(|(position, ..)| *position);
+            output(shared, position, message).await
+        }
+        _ => None,
+    };
+    Ok(match work.finish(registration, output).await {
+        Ok((processed, times)) => {
+            shared.cache.keep_output(job.position, &processed.output);
+            let extra = Extra {
+                quality,
+                reference_seq,
+                times,
+            };
+            Outcome::Delivered(message(frame, processed, extra, &shared.telemetry))
+        }
+        Err(lost) => failed(frame, &lost),
+    })
+}
+
+fn failed(frame: &Frame, lost: &Lost) -> Outcome {
+    tracing::error!(stream = %frame.stream, seq = frame.seq, ?lost, "frame lost");
+    Outcome::Lost(DropReason::Failed)
+}
+
+/// The frame and its predecessor, from this worker's memory or from the bus.
+/// [`Stop::Later`] is a frame that cannot be read at all.
+async fn inputs(
+    shared: &Shared,
+    job: &Job,
+    configured: Configured,
+    quality: Quality,
+) -> Result<Inputs, Stop> {
+    let read = async |frame: &Frame, position: Position| {
+        let (prepared, times) = prepared(shared, frame).await.map_err(Stop::Later)?;
+        shared.cache.keep_frame(position, &prepared);
+        Ok::<_, Stop>((prepared, times))
+    };
+    let (frame, times) = read(&job.frame, job.position).await?;
+    let registers = configured.settings.at(quality).registers();
+    let previous = match job.frame.predecessor.filter(|_| registers) {
+        None => None,
+        Some(before) => match shared.cache.frame(before.position) {
+            Some(previous) => Some((before.position, before.seq, previous)),
+            // One that is gone was too old: this frame begins anew.
+            None => match shared.bus.frame(before.position).await? {
+                None => None,
+                Some(previous) => read(&previous, before.position)
+                    .await
+                    .ok()
+                    .map(|(previous, _)| (before.position, before.seq, previous)),
+            },
+        },
+    };
+    Ok(Inputs {
+        configured,
+        frame,
+        times,
+        previous,
+    })
+}
+
+/// Parses and repairs a frame that a gateway has found to be a good one.
+async fn prepared(
+    shared: &Shared,
+    frame: &Frame,
+) -> Result<(Arc<PreparedFrame>, StageTimes), String> {
+    let format = Format::from_content_type(&frame.content_type);
+    let format = format.ok_or_else(|| format!("its type is {}", frame.content_type))?;
+    let (body, limits) = (frame.body.clone(), shared.options.limits);
+    let run = shared
+        .pool
+        .run(Length::Short, move || prepare(&body, format, &limits));
+    match run.await {
+        Ok(Ok((frame, times))) => Ok((Arc::new(frame), times)),
+        Ok(Err(error)) => Err(error.to_string()),
+        Err(panicked) => Err(panicked.to_string()),
+    }
+}
+
+/// Waits until it is known what became of the frame before: it is this one's turn. None if there
+/// is none, or if it is gone.
+async fn await_turn(shared: &Shared, frame: &Frame) -> Result<Option<Outcome>, Stop> {
+    let Some(before) = frame.predecessor else {
+        return Ok(None);
+    };
+    let (stream, instance) = (frame.stream.as_str(), frame.instance);
+    match shared.board.fate(stream, instance, before.seq) {
+        Fate::Known(outcome) => return Ok(Some(outcome)),
+        Fate::Past => return Err(Stop::NotWanted),
+        Fate::Open => {}
+    }
+    let Ok(_waiting) = shared.waiting.try_acquire() else {
+        return Err(Stop::Later("too many wait for the ones before".to_owned()));
+    };
+    loop {
+        let settled = shared.board.settled(stream, instance, before.seq);
+        match tokio::time::timeout(shared.options.ack_wait, settled).await {
+            Ok(Fate::Known(outcome)) => return Ok(Some(outcome)),
+            Ok(_) => return Err(Stop::NotWanted),
+            // It may have become too old on the bus: then nothing will be heard of it.
+            Err(_) => {
+                let is_gone = shared.bus.frame(before.position).await?.is_none();
+                let is_open = shared.board.fate(stream, instance, before.seq) == Fate::Open;
+                if is_gone && is_open {
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
+
+/// What became of the frame before, as a mesh.
+async fn output(shared: &Shared, position: Option<Position>, message: Bytes) -> Option<Output> {
+    let position = position?;
+    if let Some(output) = shared.cache.output(position) {
+        return Some(output);
+    }
+    let decode = move || {
+        let frame = DeliveredFrame::decode(&message).ok()?;
+        Output::decode(frame.mesh).ok()
+    };
+    shared.pool.run(Length::Short, decode).await.ok().flatten()
+}
+
+/// What only the worker knows of a frame.
+struct Extra {
+    quality: Quality,
+    reference_seq: Option<u64>,
+    times: StageTimes,
+}
+
+/// The message that players get.
+fn message(
+    frame: &Frame,
+    processed: ProcessedFrame,
+    extra: Extra,
+    telemetry: &crate::telemetry::Telemetry,
+) -> Bytes {
+    let mut metrics = processed.metrics;
+    metrics.seq = frame.seq;
+    metrics.capture_time_us = frame.capture_time_us;
+    metrics.quality = extra.quality;
+    let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
+    metrics.reference_seq = extra.reference_seq.filter(|_| has_reference);
+    metrics.stage_us = extra.times;
+    metrics.latency_us = microseconds(age(frame));
+    telemetry.worker.processed(&metrics);
+    let mesh = &processed.draco;
+    Bytes::from(DeliveredFrame { metrics, mesh }.encode())
+}
+
+/// How long ago a frame was received, by this machine's clock; nothing if that is behind.
+fn age(frame: &Frame) -> Duration {
+    let received = UNIX_EPOCH + Duration::from_micros(frame.received_us);
+    SystemTime::now()
+        .duration_since(received)
+        .unwrap_or_default()
+}
+
+/// The quality of a frame that has waited so long: less is done for one of a `live` stream before
+/// it gives way.
+fn quality(configured: &Configured, age: Duration, max_age: Duration) -> Quality {
+    if configured.overload != Overload::Live {
+        return Quality::Full;
+    }
+    let qualities = configured.settings.qualities();
+    let share = age.as_secs_f64() / max_age.as_secs_f64().max(1e-9);
+    // In full up to a quarter of the time that there is.
+    let step = ((share - 0.25).max(0.0) / 0.75 * qualities.len() as f64).ceil() as usize;
+    let step = step.min(qualities.len() - 1);
+    qualities.get(step).copied().unwrap_or_default()
+}
