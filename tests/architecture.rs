@@ -7,10 +7,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Which modules of the server may use which others. What is not here may use none.
-const MAY_USE: [(&str, &[&str]); 9] = [
+const MAY_USE: [(&str, &[&str]); 11] = [
     (
         "cli",
         &[
+            "bus",
             "compute",
             "config",
             "evaluation",
@@ -23,27 +24,59 @@ const MAY_USE: [(&str, &[&str]); 9] = [
             "telemetry",
             "tls",
             "webhooks",
+            "worker",
         ],
     ),
     (
         "config",
         &[
+            "bus",
             "compute",
             "server",
             "storage",
             "streams",
             "telemetry",
             "webhooks",
+            "worker",
         ],
     ),
     (
         "server",
-        &["compute", "stopwatch", "storage", "streams", "telemetry"],
+        &[
+            "bus",
+            "compute",
+            "processing",
+            "stopwatch",
+            "storage",
+            "streams",
+            "telemetry",
+        ],
     ),
     (
         "streams",
-        &["compute", "pipeline", "stopwatch", "storage", "telemetry"],
+        &[
+            "bus",
+            "compute",
+            "pipeline",
+            "processing",
+            "stopwatch",
+            "storage",
+            "telemetry",
+        ],
     ),
+    (
+        "worker",
+        &[
+            "bus",
+            "compute",
+            "pipeline",
+            "processing",
+            "stopwatch",
+            "streams",
+            "telemetry",
+        ],
+    ),
+    ("processing", &["compute", "pipeline", "stopwatch"]),
     ("storage", &["telemetry"]),
     ("webhooks", &["streams", "telemetry"]),
     ("evaluation", &["pipeline"]),

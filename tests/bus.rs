@@ -197,6 +197,13 @@ async fn the_same_frame_is_stored_once(bus: Bus) {
     let again = bus.append(&appended[1].1).await.unwrap();
     assert_eq!(again, appended[1].0);
     assert_eq!(bus.waiting().await, Some(2));
+    // One that another gateway gave the same number is another one.
+    let other = Frame {
+        received_us: 7,
+        ..appended[1].1.clone()
+    };
+    let refused = bus.append(&other).await;
+    assert!(matches!(refused, Err(BusError::Conflict)), "{refused:?}");
 }
 
 async fn frames_are_shared_among_workers(bus: Bus) {

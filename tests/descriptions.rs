@@ -304,9 +304,9 @@ fn player_messages() -> impl Iterator<Item = PlayerMessage> {
     successors(Some(seek(Some(41), None)), move |message| match message {
         PlayerMessage::Seek { seq: Some(_), .. } => Some(seek(None, Some(1_700_000_000_000_000))),
         PlayerMessage::Seek { seq: None, .. } => Some(PlayerMessage::Speed { speed: 0.5 }),
-        PlayerMessage::Speed { .. } => Some(PlayerMessage::Pause),
-        PlayerMessage::Pause => Some(PlayerMessage::Resume),
-        PlayerMessage::Resume => None,
+        PlayerMessage::Speed { .. } => Some(PlayerMessage::Pause {}),
+        PlayerMessage::Pause {} => Some(PlayerMessage::Resume {}),
+        PlayerMessage::Resume {} => None,
     })
 }
 

@@ -296,7 +296,7 @@ impl Case {
                     assert_eq!(Some(newest), latest);
                     assert!(seq < newest);
                 }
-                Err(Refused::Unreadable(_)) => {}
+                Err(Refused::NotAFrame(_)) => {}
                 Err(refused) => panic!("{refused}"),
             }
         }

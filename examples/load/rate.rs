@@ -31,7 +31,7 @@ pub async fn compare(frames: &[NativeFrame], count: usize) {
         config.limits.send_timeout_secs = 600;
     })
     .await;
-    let address = server.address();
+    let address = server.address().unwrap();
     let messages = publish(address, "first", frames, count).await;
     let length = messages.iter().map(Bytes::len).sum::<usize>() / count;
     println!("{READERS} readers, {count} messages of {length} bytes on average");

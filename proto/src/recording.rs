@@ -218,9 +218,9 @@ pub enum PlayerMessage {
         speed: f64,
     },
     /// Send nothing more until `resume` or `seek`; a `seek` sends one frame.
-    Pause,
+    Pause {},
     /// Go on.
-    Resume,
+    Resume {},
 }
 
 #[cfg(test)]
@@ -236,8 +236,16 @@ mod tests {
         };
         assert_eq!(seek, expected);
         let pause: PlayerMessage = serde_json::from_str(r#"{"type":"pause"}"#).unwrap();
-        assert_eq!(pause, PlayerMessage::Pause);
-        assert!(serde_json::from_str::<PlayerMessage>(r#"{"type":"seek","frame":1}"#).is_err());
+        assert_eq!(pause, PlayerMessage::Pause {});
+        for wrong in [
+            r#"{"type":"seek","frame":1}"#,
+            r#"{"type":"pause","seconds":1}"#,
+        ] {
+            assert!(
+                serde_json::from_str::<PlayerMessage>(wrong).is_err(),
+                "{wrong}"
+            );
+        }
     }
 
     #[test]

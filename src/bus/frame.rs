@@ -38,6 +38,14 @@ pub struct Frame {
     pub body: Bytes,
 }
 
+impl Frame {
+    /// What tells it from any other frame of its stream, also from one that another gateway gave
+    /// the same number at the same time.
+    pub(super) fn identity(&self) -> (u64, u64, u64) {
+        (self.instance, self.seq, self.received_us)
+    }
+}
+
 /// What became of a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Outcome {

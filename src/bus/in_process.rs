@@ -76,7 +76,7 @@ impl InProcess {
         let mut state = self.shared.lock();
         let last = state.last.get(&frame.stream);
         if let Some((position, last)) = last
-            && (last.instance, last.seq) == (frame.instance, frame.seq)
+            && last.identity() == frame.identity()
         {
             return Ok(*position);
         }

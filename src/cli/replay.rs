@@ -140,7 +140,7 @@ async fn configure(remote: &Remote, source: &RecordedSource) -> anyhow::Result<(
 
 fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(speed) if (0.0..=100.0).contains(&speed) => Ok(speed),
-        _ => Err("a number from 0 to 100 is expected".to_owned()),
+        Ok(speed) if speed == 0.0 || (0.01..=100.0).contains(&speed) => Ok(speed),
+        _ => Err("a number from 0.01 to 100, or 0, is expected".to_owned()),
     }
 }

@@ -223,7 +223,9 @@ async fn reload(
     webhooks: &Webhooks,
 ) -> anyhow::Result<Config> {
     let config = load(arguments)?;
-    config.streams().check().context(UNUSABLE_DEFAULTS)?;
+    registry
+        .check(&config.streams())
+        .context(UNUSABLE_DEFAULTS)?;
     let prepared = Prepared::new(&config.webhooks)?;
     server.reload(config.server()).await?;
     registry.reload(config.streams());

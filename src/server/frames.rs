@@ -199,6 +199,7 @@ async fn recorded(app: &App, stream: &Stream, seq: u64) -> Result<Option<Frame>,
         Ok(stored) => recordings::frame(stored).map(Some),
         Err(
             ReadFailed::NoRecording { .. }
+            | ReadFailed::Gone { .. }
             | ReadFailed::NoTrack { .. }
             | ReadFailed::NoFrame { .. },
         ) => Ok(None),

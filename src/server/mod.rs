@@ -47,6 +47,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
 use crate::bus::Bus;
@@ -134,6 +135,8 @@ struct App {
     auth: ArcSwap<Auth>,
     tickets: Tickets,
     stopping: AtomicBool,
+    /// Cancelled when connections that do not end with a stream are to end.
+    stop: CancellationToken,
     /// WebSocket connections, which end after the request that began them.
     sockets: TaskTracker,
     /// Bytes of frames that are being received.
@@ -234,6 +237,7 @@ impl Server {
             auth: ArcSwap::from_pointee(auth),
             tickets: Tickets::default(),
             stopping: AtomicBool::new(false),
+            stop: CancellationToken::new(),
             sockets: TaskTracker::new(),
         });
         let cap = ConnectionCap::new(Arc::clone(&app), tls.is_none());
@@ -309,6 +313,7 @@ impl Server {
             public.handle.graceful_shutdown(Some(grace + FAREWELL));
         }
         self.app.registry.shut_down(grace).await;
+        self.app.stop.cancel();
         self.app.sockets.close();
         if tokio::time::timeout(FAREWELL, self.app.sockets.wait())
             .await

@@ -13,6 +13,7 @@ use tower_http::cors::{AllowOrigin, CorsLayer};
 
 use super::App;
 use super::error::Problem;
+use super::recordings::CAPTURE_TIME;
 use super::request_log::REQUEST_ID;
 
 /// Refuses requests of other origins.
@@ -55,6 +56,7 @@ pub(super) fn cors(app: Arc<App>) -> CorsLayer {
             header::RETRY_AFTER,
             header::WWW_AUTHENTICATE,
             HeaderName::from_static("preference-applied"),
+            CAPTURE_TIME,
             REQUEST_ID,
         ])
 }

@@ -14,7 +14,7 @@ use steadymesh_proto::stream::{ControlMessage, EndReason};
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Instant, sleep_until};
 
-use crate::storage::{Cursor, Recording, RecordingKey, Start, StoredFrame};
+use crate::storage::{Cursor, ReadFailed, Recording, RecordingKey, Start, StoredFrame};
 
 use super::App;
 use super::access::Access;
@@ -30,6 +30,8 @@ use super::socket::{
 /// Players say little.
 const MAX_MESSAGE_BYTES: usize = 4096;
 const MAX_SPEED: f64 = 100.0;
+/// Slower than this is a pause.
+const MIN_SPEED: f64 = 0.01;
 /// Where nothing was captured for longer, or the rig's clock was set, the player waits no longer.
 const MAX_PAUSE: Duration = Duration::from_secs(5);
 /// A player that is further behind the recording's time does not catch up.
@@ -66,7 +68,7 @@ pub(super) async fn play(
     let start = recordings::start(wishes.from_seq, wishes.from_us)?;
     let speed = Speed::new(wishes.speed).ok_or_else(|| {
         Problem::bad_request(format!(
-            "speed is {}: it must be from 0 (as fast as it is taken) to {MAX_SPEED}",
+            "speed is {}: it must be from {MIN_SPEED} to {MAX_SPEED}, or 0 for as fast as it is taken",
             wishes.speed
         ))
     })?;
@@ -90,11 +92,18 @@ pub(super) async fn play(
         cursor,
         clock: Clock::new(speed),
         next: None,
+        start,
         last_seq: None,
         look_again: None,
+        is_over: false,
         _place: place,
     };
-    let serve = async move |socket, access| serve(socket, player, &access).await;
+    let shared = Arc::clone(&app);
+    let serve = async move |socket, access| {
+        shared.telemetry.connections.inc();
+        serve(socket, player, &access).await;
+        shared.telemetry.connections.dec();
+    };
     Ok(socket::open(
         &app,
         handshake,
@@ -111,7 +120,8 @@ struct Speed(f64);
 impl Speed {
     fn new(speed: f64) -> Option<Self> {
         // A NaN is in no range.
-        (0.0..=MAX_SPEED).contains(&speed).then_some(Self(speed))
+        let is_usable = speed == 0.0 || (MIN_SPEED..=MAX_SPEED).contains(&speed);
+        is_usable.then_some(Self(speed))
     }
 }
 
@@ -145,8 +155,7 @@ impl Clock {
             return Some(now);
         }
         let between = Duration::from_micros(time_us.saturating_sub(last_us)).min(MAX_PAUSE);
-        let due = last_due + between.div_f64(self.speed.0).min(MAX_PAUSE * 100);
-        Some(due)
+        Some(last_due + between.div_f64(self.speed.0))
     }
 
     /// A frame of this time, which was due then, has been sent.
@@ -177,16 +186,24 @@ struct Player {
     clock: Clock,
     /// The frame that is sent next.
     next: Option<StoredFrame>,
+    /// Where it began, or jumped to.
+    start: Start,
+    /// The last frame that was sent since.
     last_seq: Option<u64>,
-    /// When to look whether the recording has grown; none if it is over.
+    /// When to look whether the recording has grown.
     look_again: Option<Instant>,
+    /// There are no more frames; a player that is paused may still jump back.
+    is_over: bool,
     _place: OwnedSemaphorePermit,
 }
 
 /// Why a connection ends.
+#[derive(Debug, Clone, Copy)]
 enum Farewell {
     /// Nothing more is to be sent.
     Finished,
+    /// The server stops.
+    Shutdown,
     /// The rest cannot be read.
     Unreadable,
     TooFarBehind,
@@ -199,19 +216,24 @@ enum Farewell {
 }
 
 async fn serve(socket: WebSocket, mut player: Player, access: &Access) {
-    let send_timeout = player.app.options().send_timeout;
+    let app = Arc::clone(&player.app);
+    let send_timeout = app.options().send_timeout;
     let (sink, mut incoming) = socket.split();
     let mut outgoing = Outgoing::new(sink, send_timeout);
     let farewell = tokio::select! {
         farewell = player.run(&mut outgoing, &mut incoming) => farewell,
+        () = app.stop.cancelled() => Farewell::Shutdown,
         () = access.expired() => {
             let leave = (CLOSE_EXPIRED, "the token has expired");
             return socket::take_leave(&mut outgoing, &mut incoming, leave).await;
         }
     };
     let leave = match farewell {
-        Farewell::Finished => {
-            let reason = EndReason::Finished;
+        Farewell::Finished | Farewell::Shutdown => {
+            let reason = match farewell {
+                Farewell::Shutdown => EndReason::Shutdown,
+                _ => EndReason::Finished,
+            };
             // Whether or not this gets through, it is over.
             outgoing.say(&ControlMessage::End { reason }).await.ok();
             socket::close_of(reason)
@@ -290,6 +312,12 @@ impl Player {
         if self.next.is_some() || is_early {
             return Ok(());
         }
+        if self.is_over {
+            return match self.clock.is_paused {
+                true => Ok(()),
+                false => Err(Farewell::Finished),
+            };
+        }
         if self.look_again.take().is_some() {
             self.reopen().await?;
         }
@@ -304,10 +332,16 @@ impl Player {
                     self.look_again = Some(Instant::now() + LOOK_AGAIN);
                     return Ok(());
                 }
+                Ok(None) if self.clock.is_paused => {
+                    self.is_over = true;
+                    return Ok(());
+                }
                 Ok(None) => return Err(Farewell::Finished),
-                Err(crate::storage::ReadFailed::Damaged { object, reason }) => {
+                Err(ReadFailed::Damaged { object, reason }) => {
                     tracing::error!(object, reason, "a recording is damaged");
                 }
+                // Its time has come while it was played.
+                Err(ReadFailed::Gone { .. }) => {}
                 Err(error) => {
                     tracing::warn!(%error, "a recording cannot be read on");
                     return Err(Farewell::Unreadable);
@@ -323,7 +357,8 @@ impl Player {
             Err(_) => return Err(Farewell::Unreadable),
         };
         let recording = opened.map_err(|_| Farewell::Unreadable)?;
-        let start = Start::Seq(self.last_seq.map_or(0, |last| last.saturating_add(1)));
+        let behind = |last: u64| Start::Seq(last.saturating_add(1));
+        let start = self.last_seq.map_or(self.start, behind);
         let cursor = recording.cursor(Track::Output, start);
         self.cursor = cursor.map_err(|_| Farewell::Unreadable)?;
         self.recording = recording;
@@ -355,8 +390,8 @@ impl Player {
     fn hear(&mut self, text: &str) -> Result<(), Farewell> {
         let message = serde_json::from_str(text).map_err(|_| Farewell::Nonsense)?;
         match message {
-            PlayerMessage::Pause => self.clock.pause(),
-            PlayerMessage::Resume => self.clock.resume(Instant::now()),
+            PlayerMessage::Pause {} => self.clock.pause(),
+            PlayerMessage::Resume {} => self.clock.resume(Instant::now()),
             PlayerMessage::Speed { speed } => {
                 self.clock.speed = Speed::new(speed).ok_or(Farewell::Nonsense)?;
             }
@@ -370,6 +405,7 @@ impl Player {
                 self.cursor = cursor.map_err(|_| Farewell::Unreadable)?;
                 self.clock.last = None;
                 (self.next, self.look_again) = (None, None);
+                (self.start, self.last_seq, self.is_over) = (start, None, false);
             }
         }
         Ok(())

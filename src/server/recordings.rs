@@ -26,6 +26,9 @@ const MAX_FRAMES: usize = 1000;
 /// A recorded frame never changes, and its recording's name does not come again.
 const MAX_AGE: &str = "max-age=31536000, immutable";
 
+/// When a raw frame was captured, in microseconds since 1970.
+pub(super) const CAPTURE_TIME: HeaderName = HeaderName::from_static("steadymesh-capture-time-us");
+
 /// Whose recordings are wanted.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -218,16 +221,10 @@ pub(super) async fn get_raw_frame(
     let recording = app.recording(&name, &id).await?;
     let StoredFrame { frame, body } = recording.frame(Track::Raw, seq).await?;
     let content_type = [(header::CONTENT_TYPE, frame.content_type)];
-    let captured = frame.capture_time_us.map(|time| {
-        let name = HeaderName::from_static("steadymesh-capture-time-us");
-        [(name, time.to_string())]
-    });
     let common = [(header::CACHE_CONTROL, cache(&app))];
     let mut response = (common, content_type, body).into_response();
-    if let Some([(name, value)]) = captured
-        && let Ok(value) = value.parse()
-    {
-        response.headers_mut().insert(name, value);
+    if let Some(time) = frame.capture_time_us {
+        response.headers_mut().insert(CAPTURE_TIME, time.into());
     }
     Ok(response)
 }
@@ -266,13 +263,20 @@ pub(super) fn frame(stored: StoredFrame) -> Result<Frame, Problem> {
 impl From<ReadFailed> for Problem {
     fn from(error: ReadFailed) -> Self {
         let detail = error.to_string();
-        match error {
+        match &error {
             ReadFailed::NoRecording { .. }
             | ReadFailed::NoTrack { .. }
             | ReadFailed::NoFrame { .. } => Self::not_found(detail),
+            ReadFailed::Gone { .. } => {
+                Self::not_found("it has been taken away: it was too old, or somebody deleted it")
+            }
             ReadFailed::GoesOn => Self::goes_on(detail),
             ReadFailed::Damaged { .. } => Self::damaged(detail),
-            _ => Self::storage(detail),
+            // What a store says is for operators: it may have paths and addresses.
+            _ => {
+                tracing::warn!(%error, "recordings cannot be read");
+                Self::storage("the store of recordings does not answer as it should")
+            }
         }
     }
 }

@@ -28,6 +28,8 @@ pub struct Cursor {
     /// The segment to be read next.
     position: usize,
     segment: Option<(Segment, Bytes)>,
+    /// Whether the frame to begin with has been found.
+    has_begun: bool,
     /// Frames of it that have not been given.
     entries: VecDeque<Entry>,
 }
@@ -40,6 +42,7 @@ impl Cursor {
             track,
             start,
             segment: None,
+            has_begun: false,
             entries: VecDeque::new(),
         }
     }
@@ -69,7 +72,12 @@ impl Cursor {
             self.position += 1;
             let (footer, bytes) = self.recording.segment(self.track, &segment).await?;
             let entries = footer.frames.into_iter();
-            self.entries = entries.filter(|entry| is_from(entry, self.start)).collect();
+            // What comes behind the first is wanted whatever its time: clocks are set.
+            let (has_begun, start) = (self.has_begun, self.start);
+            self.entries = entries
+                .skip_while(|entry| !has_begun && !is_from(entry, start))
+                .collect();
+            self.has_begun |= !self.entries.is_empty();
             self.segment = Some((segment, bytes));
         }
     }

@@ -56,6 +56,12 @@ pub enum ReadFailed {
         /// What is wrong.
         reason: String,
     },
+    /// An object has been taken away since the index was read.
+    #[error("{object} has been taken away")]
+    Gone {
+        /// The object's name.
+        object: String,
+    },
     /// The store does not answer as it should.
     #[error("the store of recordings fails: {0}")]
     Store(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -63,6 +69,9 @@ pub enum ReadFailed {
 
 impl From<object_store::Error> for ReadFailed {
     fn from(error: object_store::Error) -> Self {
+        if let object_store::Error::NotFound { path, .. } = error {
+            return Self::Gone { object: path };
+        }
         Self::Store(Box::new(error))
     }
 }
@@ -149,7 +158,10 @@ impl Recording {
         let mut position = self.index(track).position(start);
         while let Some(segment) = self.index(track).get(position) {
             let footer = self.footer(track, segment).await?;
-            for entry in footer.frames.into_iter().filter(|e| is_from(e, start)) {
+            // What comes behind the first is wanted whatever its time: clocks are set.
+            let has_begun = !frames.is_empty();
+            let entries = footer.frames.into_iter();
+            for entry in entries.skip_while(|e| !has_begun && !is_from(e, start)) {
                 if frames.len() == limit {
                     return Ok((frames, true));
                 }

@@ -151,6 +151,12 @@ impl Recorder {
         self.shared.manifest.record
     }
 
+    /// How the stream was configured when it began.
+    #[must_use]
+    pub fn config(&self) -> &StreamConfig {
+        &self.shared.manifest.config
+    }
+
     /// What operators see of it.
     #[must_use]
     pub fn status(&self) -> RecordingStatus {

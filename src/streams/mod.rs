@@ -7,6 +7,7 @@
 //! Nothing here knows HTTP.
 
 mod events;
+mod follow;
 mod history;
 mod intake;
 mod ladder;

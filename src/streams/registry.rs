@@ -11,10 +11,9 @@ use steadymesh_mesh_io::Limits;
 use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{StreamConfig, StreamSummary};
 use tokio::sync::mpsc;
-use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 
-use crate::bus::{Bus, BusError, Outcomes, Processed, Records, StreamRecord};
+use crate::bus::Bus;
 use crate::compute::ComputePool;
 use crate::storage::Recordings;
 use crate::telemetry::Telemetry;
@@ -123,28 +122,28 @@ pub enum NotConfigured {
 /// All live streams. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Registry {
-    shared: Arc<Shared>,
+    pub(super) shared: Arc<Shared>,
 }
 
 /// Where a stream was made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Origin {
+pub(super) enum Origin {
     Here,
     /// It was heard of on the bus: when it was made, in microseconds since 1970.
     Bus(u64),
 }
 
 #[derive(Debug)]
-struct Shared {
+pub(super) struct Shared {
     streams: Mutex<BTreeMap<StreamName, Arc<Stream>>>,
     tasks: TaskTracker,
     pool: Arc<ComputePool>,
     telemetry: Arc<Telemetry>,
     recordings: Option<Arc<Recordings>>,
     /// Where frames are processed, if not here.
-    bus: Option<Bus>,
+    pub(super) bus: Option<Bus>,
     events: Events,
-    options: ArcSwap<Options>,
+    pub(super) options: ArcSwap<Options>,
 }
 
 impl Registry {
@@ -176,9 +175,22 @@ impl Registry {
         })
     }
 
+    /// Finds out whether new options can be taken.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidConfig`] if the defaults cannot be used.
+    pub fn check(&self, options: &Options) -> Result<(), InvalidConfig> {
+        let records = self.shared.recordings.is_some();
+        let options = options.clone();
+        Options { records, ..options }.check()
+    }
+
     /// Takes new options, for streams that are made and configured from now on. They are
-    /// expected to have been checked.
+    /// expected to have been checked. Whether there are recordings stays what it was.
     pub fn reload(&self, options: Options) {
+        let records = self.shared.recordings.is_some();
+        let options = Options { records, ..options };
         self.shared.options.store(Arc::new(options));
     }
 
@@ -312,13 +324,13 @@ impl Registry {
 }
 
 impl Shared {
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<StreamName, Arc<Stream>>> {
+    pub(super) fn lock(&self) -> MutexGuard<'_, BTreeMap<StreamName, Arc<Stream>>> {
         // Nothing that panics is done under this lock.
         self.streams.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Makes a stream if there is none of this name.
-    fn insert(
+    pub(super) fn insert(
         self: &Arc<Self>,
         name: &StreamName,
         configured: Configured,
@@ -419,102 +431,6 @@ impl Origin {
         match self {
             Self::Here => SystemTime::now(),
             Self::Bus(instance) => SystemTime::UNIX_EPOCH + Duration::from_micros(instance),
-        }
-    }
-}
-
-impl Registry {
-    /// Begins to hear what other nodes say on the bus, if there is one: streams that there are, and
-    /// what becomes of frames. Goes on until `stop`.
-    ///
-    /// # Errors
-    ///
-    /// [`BusError`] if it cannot be listened to.
-    pub async fn follow_bus(&self, stop: CancellationToken) -> Result<(), BusError> {
-        let Some(bus) = &self.shared.bus else {
-            return Ok(());
-        };
-        // The outcomes first, so that none of a stream that is heard of is missed.
-        let outcomes = bus.outcomes().await?;
-        let records = bus.records().await?;
-        let registry = self.clone();
-        tokio::spawn(async move {
-            tokio::select! {
-                () = registry.follow(outcomes, records) => {}
-                () = stop.cancelled() => {}
-            }
-        });
-        Ok(())
-    }
-
-    async fn follow(&self, mut outcomes: Outcomes, mut records: Records) {
-        let mut last: BTreeMap<String, Processed> = BTreeMap::new();
-        loop {
-            tokio::select! {
-                biased;
-                (name, record) = records.next() => {
-                    let stream = self.hear_of(&name, &record);
-                    // Its newest frame, which may have been heard of before it.
-                    match (stream, last.get(&name)) {
-                        (Some(stream), Some(outcome)) => stream.take_outcome(outcome),
-                        (Some(_), None) => {}
-                        (None, _) => _ = last.remove(&name),
-                    }
-                }
-                outcome = outcomes.next() => {
-                    let name = StreamName::parse(&outcome.stream).ok();
-                    if let Some(stream) = name.and_then(|name| self.get(&name)) {
-                        stream.take_outcome(&outcome);
-                    }
-                    last.insert(outcome.stream.clone(), outcome);
-                }
-            }
-        }
-    }
-
-    /// Takes what another node, or this one, has said of a stream.
-    fn hear_of(&self, name: &str, record: &StreamRecord) -> Option<Arc<Stream>> {
-        let name = StreamName::parse(name).ok()?;
-        let known = self.get(&name);
-        if let Some(reason) = record.ended {
-            let ended = known.filter(|stream| stream.created_us() <= record.instance);
-            if let Some(stream) = ended {
-                tracing::info!(stream = %name, ?reason, "another node has ended the stream");
-                self.shared.lock().remove(&name);
-                stream.request(Request::Follow);
-            }
-            return None;
-        }
-        let max_faces = self.shared.options.load().limits.max_faces;
-        let configured = Configured::new(&[&record.config], max_faces);
-        let configured = configured.map_err(|error| {
-            tracing::error!(stream = %name, %error, "what another node says of the stream cannot be used");
-        });
-        let configured = configured.ok()?;
-        match known {
-            Some(stream) if stream.created_us() == record.instance => {
-                stream.take_configuration(configured);
-                return Some(stream);
-            }
-            Some(stream) if record.instance < stream.created_us() => return Some(stream),
-            // One that was made anew elsewhere.
-            Some(stream) => {
-                self.shared.lock().remove(&name);
-                stream.request(Request::Drain);
-            }
-            None => {}
-        }
-        let (timeout, origin) = (
-            self.shared.options.load().idle_timeout,
-            Origin::Bus(record.instance),
-        );
-        let adopted = self.shared.insert(&name, configured, timeout, origin);
-        match adopted {
-            Ok((stream, _)) => Some(stream),
-            Err(error) => {
-                tracing::warn!(stream = %name, %error, "a stream of another node cannot be followed");
-                None
-            }
         }
     }
 }

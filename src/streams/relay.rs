@@ -22,6 +22,7 @@ use crate::storage::RawFrame;
 use super::Refused;
 use super::history::Loss;
 use super::intake::Incoming;
+use super::relayed::Claim;
 use super::stream::{Request, Stream};
 
 /// Frames that are being checked at a time.
@@ -173,13 +174,9 @@ impl Relay {
             predecessor: None,
             body: submission.bytes.clone(),
         };
-        let mut place = Some(place);
         let arrived = submission.arrived;
-        let stored = self
-            .store(&mut frame, submission.seq, last, || {
-                place.take().map(|place| (arrived, place))
-            })
-            .await;
+        let claim = (arrived, place);
+        let stored = self.store(&mut frame, submission.seq, last, claim).await;
         let answer = match stored {
             Ok(is_new) => {
                 span.record("seq", frame.seq);
@@ -216,22 +213,18 @@ impl Relay {
         frame: &mut Frame,
         asked: Option<u64>,
         last: &mut Last,
-        mut place: impl FnMut() -> Option<(Instant, tokio::sync::OwnedSemaphorePermit)>,
+        claim: Claim,
     ) -> Result<bool, Refused> {
-        let began = Instant::now();
+        let (began, mut claim) = (Instant::now(), Some(claim));
         loop {
-            match self.try_store(frame, asked, last, &mut place).await {
+            match self.try_store(frame, asked, last, &mut claim).await {
                 Ok(is_new) => return Ok(is_new),
                 Err(Attempt::Refused(refused)) => return Err(refused),
                 // Others were faster: behind them.
                 Err(Attempt::Bus(BusError::Conflict)) => *last = Last::default(),
-                Err(Attempt::Bus(BusError::Full)) => {
-                    self.stream.relayed().take_back(frame.seq);
-                    return Err(Refused::QueueFull);
-                }
+                Err(Attempt::Bus(BusError::Full)) => return Err(Refused::QueueFull),
                 Err(Attempt::Bus(error)) => {
                     if PATIENCE < began.elapsed() {
-                        self.stream.relayed().take_back(frame.seq);
                         *last = Last::default();
                         return Err(Refused::BusAway(error.to_string()));
                     }
@@ -246,7 +239,7 @@ impl Relay {
         frame: &mut Frame,
         asked: Option<u64>,
         last: &mut Last,
-        place: &mut impl FnMut() -> Option<(Instant, tokio::sync::OwnedSemaphorePermit)>,
+        claim: &mut Option<Claim>,
     ) -> Result<bool, Attempt> {
         if !last.is_known {
             let found = self.bus.last(&frame.stream).await.map_err(Attempt::Bus)?;
@@ -272,10 +265,14 @@ impl Relay {
         frame.seq = seq;
         frame.predecessor = last.predecessor;
         // Before it is there: its outcome may be faster than the bus's answer.
-        if let Some((arrived, place)) = place() {
-            self.stream.relayed().push(seq, arrived, place);
+        let relayed = self.stream.relayed();
+        if let Some(claim) = claim.take() {
+            relayed.push(seq, claim);
         }
-        let position = self.bus.append(frame).await.map_err(Attempt::Bus)?;
+        let position = self.bus.append(frame).await.map_err(|error| {
+            *claim = relayed.take_back(seq);
+            Attempt::Bus(error)
+        })?;
         last.predecessor = Some(Predecessor { position, seq });
         Ok(true)
     }

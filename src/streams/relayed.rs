@@ -10,10 +10,11 @@ use tokio::sync::{Notify, OwnedSemaphorePermit};
 #[derive(Debug)]
 struct Pending {
     seq: u64,
-    arrived: Instant,
-    /// Its place in the stream's queue.
-    _place: OwnedSemaphorePermit,
+    claim: Claim,
 }
+
+/// When a frame arrived, and its place in the stream's queue.
+pub(super) type Claim = (Instant, OwnedSemaphorePermit);
 
 /// Those that were accepted here, in the order of their numbers. Each has a place in the stream's
 /// queue, which is their bound.
@@ -25,18 +26,18 @@ pub(super) struct Relayed {
 
 impl Relayed {
     /// A frame is on the bus, or about to be.
-    pub fn push(&self, seq: u64, arrived: Instant, place: OwnedSemaphorePermit) {
-        self.lock().push_back(Pending {
-            seq,
-            arrived,
-            _place: place,
-        });
+    pub fn push(&self, seq: u64, claim: Claim) {
+        self.lock().push_back(Pending { seq, claim });
     }
 
     /// A frame did not get onto the bus.
-    pub fn take_back(&self, seq: u64) {
-        self.lock().retain(|pending| pending.seq != seq);
+    pub fn take_back(&self, seq: u64) -> Option<Claim> {
+        let mut pending = self.lock();
+        let at = pending.iter().position(|pending| pending.seq == seq)?;
+        let taken = pending.remove(at).map(|pending| pending.claim);
+        drop(pending);
         self.settled.notify_waiters();
+        taken
     }
 
     /// The outcome of a frame is known, and so are those before it; when it arrived, if it was
@@ -48,7 +49,7 @@ impl Relayed {
             let first = pending.pop_front();
             arrived = first
                 .filter(|first| first.seq == seq)
-                .map(|first| first.arrived);
+                .map(|first| first.claim.0);
         }
         drop(pending);
         self.settled.notify_waiters();

@@ -32,11 +32,18 @@ impl Tape {
         self.lock().is_some()
     }
 
-    /// Begins a recording if another thing is to be recorded than is.
+    /// Begins a recording if another thing is to be recorded than is, or with other settings: those
+    /// of a recording hold for all of it.
     pub(super) fn configure(&self, name: &StreamName, configured: &Configured) {
         let mut recorder = self.lock();
         let record = configured.record;
-        if recorder.as_ref().map_or(Record::Off, |r| r.record()) == record {
+        let goes_on = match recorder.as_ref() {
+            None => record == Record::Off,
+            Some(recorder) => {
+                recorder.record() == record && *recorder.config() == configured.config
+            }
+        };
+        if goes_on {
             return;
         }
         if let Some(last) = recorder.take() {

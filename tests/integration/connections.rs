@@ -25,7 +25,10 @@ fn with_large_frames(config: &mut Config) {
 async fn connect(server: &TestServer) -> TcpStream {
     let socket = TcpSocket::new_v4().unwrap();
     socket.set_recv_buffer_size(8192).unwrap();
-    socket.connect(server.server.address().unwrap()).await.unwrap()
+    socket
+        .connect(server.server.address().unwrap())
+        .await
+        .unwrap()
 }
 
 async fn open_connections(server: &TestServer) -> u64 {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use futures_util::StreamExt;
 use reqwest::{Client, RequestBuilder, Response, StatusCode};
 use serde_json::Value;
+use steadymesh::bus::Bus;
 use steadymesh::compute::ComputePool;
 use steadymesh::config::Config;
 use steadymesh::server::Server;
@@ -18,6 +19,7 @@ use steadymesh_synthetic_rig::{Options, Rig};
 use tokio::net::TcpStream;
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
+use tokio_util::sync::CancellationToken;
 
 /// A running server on ports of its own.
 pub struct TestServer {
@@ -32,6 +34,11 @@ pub async fn start() -> TestServer {
 
 /// Starts a server whose configuration differs from the default.
 pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
+    start_on(None, change).await
+}
+
+/// Starts one whose frames go over a bus, where there is one.
+pub async fn start_on(bus: Option<Bus>, change: impl FnOnce(&mut Config)) -> TestServer {
     let anywhere: SocketAddr = "127.0.0.1:0".parse().unwrap();
     let mut config = Config {
         listen: anywhere,
@@ -52,12 +59,13 @@ pub async fn start_with(change: impl FnOnce(&mut Config)) -> TestServer {
         Arc::clone(&pool),
         Arc::clone(&telemetry),
         recordings,
-        None,
+        bus.clone(),
     )
     .unwrap();
+    registry.follow_bus(CancellationToken::new()).await.unwrap();
     let webhooks =
         Webhooks::start(&config.webhooks, registry.listen(), Arc::clone(&telemetry)).unwrap();
-    let server = Server::start(config.server(), registry, pool, telemetry, None)
+    let server = Server::start(config.server(), registry, pool, telemetry, bus)
         .await
         .unwrap();
     TestServer {

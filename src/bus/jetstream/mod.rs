@@ -26,7 +26,10 @@ use objects::Objects;
 use tail::Tail;
 
 /// How long a worker waits for a frame before it is told that there is none.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How often it is looked, meanwhile, whether the server is there: what it was asked it has
+/// forgotten when it comes back.
+const LOOK: Duration = Duration::from_millis(200);
 /// How long a request may take.
 const TIMEOUT: Duration = Duration::from_secs(5);
 /// Within it a message that is sent twice is stored once.
@@ -120,12 +123,19 @@ impl JetStream {
         self.client.connection_state() == State::Connected
     }
 
+    async fn disconnected(&self) {
+        while self.is_connected() {
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+
     fn subject(&self, log: &str, stream: &str) -> String {
         format!("{}.{log}.{stream}", self.prefix)
     }
 
     pub async fn append(&self, frame: &Frame) -> Result<Position, BusError> {
-        let id = format!("{}/{}/{}", frame.stream, frame.instance, frame.seq);
+        let (instance, seq, received) = frame.identity();
+        let id = format!("{}/{instance}/{seq}/{received}", frame.stream);
         let mut headers = message::frame_headers(frame);
         let mut payload = frame.body.clone();
         let room = self.client.server_info().max_payload;
@@ -173,10 +183,13 @@ impl JetStream {
     }
 
     pub async fn pull(&self) -> Result<Option<Job>, BusError> {
-        let batch = self.workers.fetch().max_messages(1).expires(PATIENCE);
+        let batch = self.workers.batch().max_messages(1).expires(PATIENCE);
         let batch = timeout(PATIENCE + TIMEOUT, batch.messages()).await;
         let mut batch = batch.map_err(unavailable)?.map_err(unavailable)?;
-        let next = timeout(PATIENCE + TIMEOUT, batch.next()).await;
+        let next = tokio::select! {
+            next = timeout(PATIENCE + TIMEOUT, batch.next()) => next,
+            () = self.disconnected() => return Err(unavailable("the connection broke")),
+        };
         let Some(given) = next.map_err(unavailable)? else {
             return Ok(None);
         };
