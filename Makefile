@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test lint build page fuzz load soak end-to-end results bench bench-instructions
+.PHONY: demo test test-deploy lint build page fuzz load soak end-to-end results bench bench-instructions
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -17,6 +17,13 @@ test:
 	cargo build
 	STEADYMESH_BIN=$$(realpath $${CARGO_TARGET_DIR:-target}/debug/steadymesh) npm --prefix web run test:browser
 	scripts/test-python-client
+
+# Compose file, Kubernetes manifests, systemd unit, alerts and dashboard, as far as they can be
+# tested without a Docker engine.
+test-deploy:
+	scripts/install-dependencies deploy
+	cargo build
+	STEADYMESH=$${CARGO_TARGET_DIR:-target}/debug/steadymesh scripts/test-deploy
 
 # The linters, as the CI runs them.
 lint:

@@ -4,15 +4,11 @@ once and in order, at players of either gateway."""
 
 import http.client
 import random
-import shutil
-import socket
-import subprocess
 import threading
 import time
 import urllib.error
 
-from support import Player, check, rig_frames, skip, wait_until
-from support.server import free_port
+from support import Nats, Player, check, rig_frames, wait_until
 
 MINUTES = 2.0
 SETTINGS = {
@@ -24,10 +20,8 @@ SETTINGS = {
 
 
 def run(workshop):
-    if not shutil.which("nats-server"):
-        skip("nats-server is not installed")
     nats = Nats(workshop)
-    settings = SETTINGS | {"bus.nats_url": f"nats://127.0.0.1:{nats.port}"}
+    settings = SETTINGS | {"bus.nats_url": nats.url}
     gateways = [workshop.server(settings=settings, arguments=("--role", "gateway")) for _ in range(2)]
     workers = [workshop.server(settings=settings, arguments=("--role", "worker")) for _ in range(2)]
     rig = Posting(gateways[0], rig_frames(rings=20, segments=30), fps=15)
@@ -102,33 +96,6 @@ def ready(server):
         return server.internal("/readyz") == "ready\n"
     except (OSError, urllib.error.URLError):
         return False
-
-
-class Nats:
-    """`nats-server` with its logs in a folder of its own."""
-
-    def __init__(self, workshop):
-        self.workshop, self.port = workshop, free_port()
-        self.process = None
-        self.start()
-
-    def start(self):
-        folder = self.workshop.folder / "nats"
-        command = ["nats-server", "--addr", "127.0.0.1", "--port", self.port]
-        self.process = self.workshop.spawn(
-            [*command, "--jetstream", "--store_dir", folder],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        wait_until(self.listens, 10, "nats-server listens")
-
-    def listens(self):
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
-
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
 
 
 class Posting:

@@ -3,11 +3,13 @@
 from .checks import Failed, Skipped, check, skip, wait_until
 from .clients import Player, Rig, Slow, raise_file_limit, request
 from .frames import ply, rig_frames
+from .nats import Nats
 from .recordings import track
 from .server import Server, Workshop
 
 __all__ = [
     "Failed",
+    "Nats",
     "Player",
     "Rig",
     "Server",
