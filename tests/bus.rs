@@ -12,7 +12,7 @@ use bytes::Bytes;
 use steadymesh::bus::{
     Bus, BusError, Frame, Job, Options, Outcome, Position, Predecessor, Processed, StreamRecord,
 };
-use steadymesh_proto::stream::{DropReason, StreamConfig};
+use steadymesh_proto::stream::{DropReason, EndReason, StreamConfig};
 use tokio::time::timeout;
 
 use nats::Nats;
@@ -66,6 +66,7 @@ contract! {
     each_outcome_is_heard_once_and_in_order
     whoever_comes_late_hears_the_last_outcome_of_each_stream
     records_are_heard_by_everybody_and_the_latest_by_who_comes_late
+    a_stream_begins_once
     an_empty_log_has_no_last_frame
 }
 
@@ -293,6 +294,22 @@ async fn records_are_heard_by_everybody_and_the_latest_by_who_comes_late(bus: Bu
         .await
         .unwrap();
     assert_eq!(heard, ("a".to_owned(), record(200)));
+}
+
+async fn a_stream_begins_once(bus: Bus) {
+    let record = |instance, ended| StreamRecord {
+        instance,
+        config: StreamConfig::default(),
+        ended,
+    };
+    bus.begin("a", &record(1, None)).await.unwrap();
+    bus.begin("a", &record(1, None)).await.unwrap();
+    let refused = bus.begin("a", &record(2, None)).await;
+    assert!(matches!(refused, Err(BusError::Conflict)), "{refused:?}");
+    bus.begin("b", &record(2, None)).await.unwrap();
+    let ended = record(1, Some(EndReason::Deleted));
+    bus.announce("a", &ended).await.unwrap();
+    bus.begin("a", &record(2, None)).await.unwrap();
 }
 
 async fn an_empty_log_has_no_last_frame(bus: Bus) {

@@ -80,6 +80,13 @@ pub struct StreamRecord {
     pub ended: Option<EndReason>,
 }
 
+impl StreamRecord {
+    /// Whether a stream of the same name cannot begin because of this one.
+    pub(super) fn is_in_the_way_of(&self, other: &Self) -> bool {
+        self.ended.is_none() && self.instance != other.instance
+    }
+}
+
 /// A message is not one of ours, or of another version.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("a message of the bus cannot be read: {what} is missing or wrong")]

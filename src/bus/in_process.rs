@@ -163,6 +163,15 @@ impl InProcess {
         }
     }
 
+    pub fn begin(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        let last = self.shared.lock().records.get(stream).cloned();
+        if last.is_some_and(|last| last.is_in_the_way_of(record)) {
+            return Err(BusError::Conflict);
+        }
+        self.announce(stream, record);
+        Ok(())
+    }
+
     pub fn announce(&self, stream: &str, record: &StreamRecord) {
         let mut state = self.shared.lock();
         state.records.insert(stream.to_owned(), record.clone());

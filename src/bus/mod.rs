@@ -206,6 +206,19 @@ impl Bus {
         }))
     }
 
+    /// Says that a stream begins.
+    ///
+    /// # Errors
+    ///
+    /// [`BusError::Conflict`] if there is one of its name that another node began, and
+    /// [`BusError::Unavailable`].
+    pub async fn begin(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        match &self.0 {
+            Kind::InProcess(bus) => bus.begin(stream, record),
+            Kind::JetStream(bus) => bus.begin(stream, record).await,
+        }
+    }
+
     /// Says how a stream is configured, or that it has ended.
     ///
     /// # Errors

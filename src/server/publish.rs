@@ -158,6 +158,8 @@ struct Connection<'a> {
 impl Connection<'_> {
     async fn run(&mut self, incoming: &mut SplitStream<WebSocket>) -> Farewell {
         self.credit = self.messages + self.rig.publication.free_places() as u64;
+        // Where other nodes have it too, the bus is asked how far it has come.
+        timeout(socket::GOODBYE, self.rig.stream.known()).await.ok();
         if self.outgoing.say(&self.welcome()).await.is_err() {
             return Farewell::Broken;
         }

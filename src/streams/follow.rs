@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
 use crate::bus::{BusError, Outcomes, Processed, Records, StreamRecord};
@@ -10,6 +12,9 @@ use crate::bus::{BusError, Outcomes, Processed, Records, StreamRecord};
 use super::registry::Origin;
 use super::stream::{Request, Stream};
 use super::{Configured, Registry, StreamName};
+
+/// When nothing has been heard of streams for so long, all that there are have been.
+const QUIET: Duration = Duration::from_millis(300);
 
 impl Registry {
     /// Begins to hear what other nodes say on the bus, if there is one: streams that there are, and
@@ -24,7 +29,11 @@ impl Registry {
         };
         // The outcomes first, so that none of a stream that is heard of is missed.
         let outcomes = bus.outcomes().await?;
-        let records = bus.records().await?;
+        let mut records = bus.records().await?;
+        // Those that there are, before anybody can ask for one.
+        while let Ok((name, record)) = timeout(QUIET, records.next()).await {
+            self.hear_of(&name, &record);
+        }
         let registry = self.clone();
         tokio::spawn(async move {
             tokio::select! {

@@ -365,6 +365,7 @@ impl Shared {
             events: self.events.clone(),
             recordings: self.recordings.clone(),
             created: origin.created(),
+            is_shared: self.bus.is_some(),
             records_at_once: origin == Origin::Here,
         };
         let stream = Arc::new(Stream::new(parts, intake));

@@ -67,6 +67,7 @@ impl Relay {
         // One that came before this task did.
         requests.mark_changed();
         let reason = self.work(&mut requests).await;
+        let requests = self.stream.requests();
         self.stream.counters.queued.store(0, Relaxed);
         // A server that stops leaves the stream to others.
         let is_known = *requests.borrow() == Request::Follow;
@@ -80,8 +81,10 @@ impl Relay {
     }
 
     async fn work(&mut self, requests: &mut watch::Receiver<Request>) -> EndReason {
-        if !self.is_known {
-            self.announce(None).await;
+        if self.is_known {
+            self.look_how_far().await;
+        } else if let Err(reason) = self.begin().await {
+            return reason;
         }
         let mut reading: FuturesOrdered<BoxFuture<'static, Read>> = FuturesOrdered::new();
         let mut last = Last::default();
@@ -124,6 +127,62 @@ impl Relay {
                     let left = self.idle_timeout.saturating_sub(quiet).max(RETRY);
                     idle.as_mut().reset(tokio::time::Instant::now() + left);
                 }
+            }
+        }
+    }
+
+    /// Tells other nodes that the stream begins. If one of them was faster, this one ends before it
+    /// has taken a frame: its publishers are told to come again, and find the other.
+    async fn begin(&mut self) -> Result<(), EndReason> {
+        let record = self.record(None);
+        let began = Instant::now();
+        loop {
+            match self.bus.begin(self.stream.name().as_str(), &record).await {
+                Ok(()) => {
+                    self.stream.is_known_to(None);
+                    return Ok(());
+                }
+                Err(BusError::Conflict) => {
+                    self.stream.request(Request::Follow);
+                    return Err(EndReason::Deleted);
+                }
+                Err(error) => {
+                    // Whoever waits for so long shall not wait for longer.
+                    while PATIENCE < began.elapsed()
+                        && let Ok(incoming) = self.intake.try_recv()
+                    {
+                        let refused = Refused::BusAway(error.to_string());
+                        incoming.reply.send(Err(refused)).ok();
+                    }
+                    tokio::time::sleep(RETRY).await;
+                }
+            }
+            if *self.stream.requests().borrow() != Request::Run {
+                return Err(EndReason::Shutdown);
+            }
+        }
+    }
+
+    fn record(&self, ended: Option<EndReason>) -> StreamRecord {
+        StreamRecord {
+            instance: self.stream.created_us(),
+            config: self.stream.configured().config.clone(),
+            ended,
+        }
+    }
+
+    /// Finds out how far other nodes have come with the stream.
+    async fn look_how_far(&self) {
+        let began = Instant::now();
+        loop {
+            match self.bus.last(self.stream.name().as_str()).await {
+                Ok(last) => {
+                    let own = last.filter(|(_, last)| last.instance == self.stream.created_us());
+                    return self.stream.is_known_to(own.map(|(_, last)| last.seq));
+                }
+                // Frames that come meanwhile wait for the bus anyway.
+                Err(_) if PATIENCE < began.elapsed() => return,
+                Err(_) => tokio::time::sleep(RETRY).await,
             }
         }
     }
@@ -279,11 +338,7 @@ impl Relay {
 
     /// Tells other nodes how the stream is configured, or that it has ended.
     async fn announce(&self, ended: Option<EndReason>) {
-        let record = StreamRecord {
-            instance: self.stream.created_us(),
-            config: self.stream.configured().config.clone(),
-            ended,
-        };
+        let record = self.record(ended);
         let began = Instant::now();
         while let Err(error) = self
             .bus
@@ -313,6 +368,8 @@ impl Stream {
         if processed.instance != self.created_us() || is_known {
             return;
         }
+        // Those of other gateways too.
+        self.is_known_to(Some(seq));
         let arrived = self.relayed().settle(seq);
         let queued = self.relayed().len();
         self.counters.queued.store(queued, Relaxed);

@@ -81,6 +81,7 @@ pub struct Stream {
     tape: Tape,
     /// Frames on the bus whose outcome is not known.
     relayed: Relayed,
+    is_known: watch::Sender<bool>,
     records_at_once: bool,
     /// The configuration was changed here, which other nodes are to be told.
     changed: Notify,
@@ -102,6 +103,8 @@ pub(super) struct Parts {
     pub recordings: Option<Arc<Recordings>>,
     /// When it was made.
     pub created: SystemTime,
+    /// Whether other nodes may have it too.
+    pub is_shared: bool,
     /// Whether it is recorded from the first; else from its first frame that comes in here.
     pub records_at_once: bool,
 }
@@ -131,6 +134,7 @@ impl Stream {
             subscriber_queue: parts.subscriber_queue,
             events: parts.events,
             relayed: Relayed::default(),
+            is_known: watch::Sender::new(!parts.is_shared),
             records_at_once: parts.records_at_once,
             changed: Notify::new(),
         }
@@ -284,6 +288,25 @@ impl Stream {
                 .and_then(|position| position.end)
                 .unwrap_or(EndReason::Shutdown)
         }
+    }
+
+    /// Waits until it is known how far the stream has come: at once, unless other nodes have it too.
+    pub async fn known(&self) {
+        // The sender is part of this.
+        self.is_known
+            .subscribe()
+            .wait_for(|known| *known)
+            .await
+            .ok();
+    }
+
+    /// It is known now: to the frame of this number, if there is one.
+    pub(super) fn is_known_to(&self, seq: Option<u64>) {
+        {
+            let mut latest = lock(&self.latest_accepted);
+            *latest = (*latest).max(seq);
+        }
+        self.is_known.send_replace(true);
     }
 
     /// The newest number that has been accepted.

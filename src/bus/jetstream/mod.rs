@@ -15,7 +15,9 @@ use async_nats::connection::State;
 use async_nats::jetstream::consumer::{AckPolicy, PullConsumer, pull};
 use async_nats::jetstream::context::PublishErrorKind;
 use async_nats::jetstream::message::{Acker, PublishMessage};
-use async_nats::jetstream::stream::{Config, DiscardPolicy, RawMessageErrorKind, Stream};
+use async_nats::jetstream::stream::{
+    Config, DiscardPolicy, LastRawMessageErrorKind, RawMessageErrorKind, Stream,
+};
 use async_nats::jetstream::{AckKind, Context, context::ContextBuilder};
 use async_nats::{Client, ConnectOptions, HeaderMap, ServerAddr};
 use futures_util::StreamExt;
@@ -172,12 +174,7 @@ impl JetStream {
                 let frame = message::frame(&found.subject, &found.headers, found.payload)?;
                 Ok(Some((position, frame)))
             }
-            Err(error)
-                if error.kind()
-                    == async_nats::jetstream::stream::LastRawMessageErrorKind::NoMessageFound =>
-            {
-                Ok(None)
-            }
+            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => Ok(None),
             Err(error) => Err(unavailable(error)),
         }
     }
@@ -293,6 +290,33 @@ impl JetStream {
             objects: self.objects.clone(),
             pending: None,
         })
+    }
+
+    pub async fn begin(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        let subject = self.subject("records", stream);
+        let last = self.records.get_last_raw_message_by_subject(&subject).await;
+        let last = match last {
+            Ok(last) => {
+                let known = serde_json::from_slice::<StreamRecord>(&last.payload);
+                if known.is_ok_and(|known| known.is_in_the_way_of(record)) {
+                    return Err(BusError::Conflict);
+                }
+                last.sequence
+            }
+            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => 0,
+            Err(error) => return Err(unavailable(error)),
+        };
+        let message = PublishMessage::build()
+            .payload(serde_json::to_vec(record).unwrap_or_default().into())
+            .expected_last_subject_sequence(last);
+        let sent = async { self.context.send_publish(subject, message).await?.await };
+        match sent.await {
+            Ok(_) => Ok(()),
+            Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => {
+                Err(BusError::Conflict)
+            }
+            Err(error) => Err(unavailable(error)),
+        }
     }
 
     pub async fn announce(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
