@@ -75,7 +75,7 @@ fn frame(stream: &str, seq: u64, predecessor: Option<Predecessor>) -> Frame {
         stream: stream.to_owned(),
         instance: 1_700_000_000_000_000,
         seq,
-        capture_time_us: (seq % 2 == 0).then_some(seq * 33_333),
+        capture_time_us: seq.is_multiple_of(2).then_some(seq * 33_333),
         received_us: 1_700_000_000_000_001,
         content_type: "model/ply".to_owned(),
         predecessor,

@@ -17,6 +17,7 @@ pub use jetstream::Options;
 use in_process::InProcess;
 use jetstream::JetStream;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Why the bus did not do what it was asked.
@@ -44,8 +45,7 @@ pub struct Bus(Kind);
 #[derive(Debug, Clone)]
 enum Kind {
     InProcess(InProcess),
-    // Boxed by its own reference count.
-    JetStream(JetStream),
+    JetStream(Arc<JetStream>),
 }
 
 /// A frame to be processed. Dropped without an answer it comes again, to whoever asks, after a
@@ -64,7 +64,7 @@ pub struct Job {
 #[derive(Debug)]
 enum Ticket {
     InProcess(in_process::Ticket),
-    JetStream(jetstream::Ticket),
+    JetStream(Box<jetstream::Ticket>),
 }
 
 /// Outcomes, in order for each stream.
@@ -74,7 +74,7 @@ pub struct Outcomes(OutcomesKind);
 #[derive(Debug)]
 enum OutcomesKind {
     InProcess(in_process::Outcomes),
-    JetStream(jetstream::Outcomes),
+    JetStream(Box<jetstream::Outcomes>),
 }
 
 /// Records of streams, as they change.
@@ -84,7 +84,7 @@ pub struct Records(RecordsKind);
 #[derive(Debug)]
 enum RecordsKind {
     InProcess(in_process::Records),
-    JetStream(jetstream::Records),
+    JetStream(Box<jetstream::Records>),
 }
 
 impl Bus {
@@ -100,7 +100,8 @@ impl Bus {
     ///
     /// [`BusError::Unavailable`].
     pub async fn jet_stream(options: Options) -> Result<Self, BusError> {
-        Ok(Self(Kind::JetStream(JetStream::connect(options).await?)))
+        let bus = JetStream::connect(options).await?;
+        Ok(Self(Kind::JetStream(Arc::new(bus))))
     }
 
     /// Whether its servers can be reached at this moment.
@@ -202,7 +203,7 @@ impl Bus {
     pub async fn outcomes(&self) -> Result<Outcomes, BusError> {
         Ok(Outcomes(match &self.0 {
             Kind::InProcess(bus) => OutcomesKind::InProcess(bus.outcomes()),
-            Kind::JetStream(bus) => OutcomesKind::JetStream(bus.outcomes().await?),
+            Kind::JetStream(bus) => OutcomesKind::JetStream(Box::new(bus.outcomes().await?)),
         }))
     }
 
@@ -242,7 +243,7 @@ impl Bus {
     pub async fn records(&self) -> Result<Records, BusError> {
         Ok(Records(match &self.0 {
             Kind::InProcess(bus) => RecordsKind::InProcess(bus.records()),
-            Kind::JetStream(bus) => RecordsKind::JetStream(bus.records().await?),
+            Kind::JetStream(bus) => RecordsKind::JetStream(Box::new(bus.records().await?)),
         }))
     }
 

@@ -105,7 +105,7 @@ async fn record_frames(place: &Place, count: u64) {
     let recorder = place.record();
     for seq in 0..count {
         send(&recorder, seq);
-        if seq % 2 == 1 {
+        if !seq.is_multiple_of(2) {
             tokio::time::sleep(Duration::from_millis(130)).await;
         }
     }

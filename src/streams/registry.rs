@@ -369,7 +369,7 @@ impl Shared {
             records_at_once: origin == Origin::Here,
         };
         let stream = Arc::new(Stream::new(parts, intake));
-        let task = self.task(&stream, incoming, &options, first_frame_timeout, origin);
+        let task = self.task(&stream, incoming, &options, (first_frame_timeout, origin));
         streams.insert(name.clone(), Arc::clone(&stream));
         let (shared, remains) = (Arc::clone(self), Arc::downgrade(&stream));
         self.tasks.spawn(async move {
@@ -395,8 +395,7 @@ impl Shared {
         stream: &Arc<Stream>,
         intake: mpsc::Receiver<Incoming>,
         options: &Options,
-        first_frame_timeout: Duration,
-        origin: Origin,
+        (first_frame_timeout, origin): (Duration, Origin),
     ) -> BoxFuture<'static, ()> {
         let (stream, pool) = (Arc::clone(stream), Arc::clone(&self.pool));
         let (limits, idle_timeout) = (options.limits, options.idle_timeout);

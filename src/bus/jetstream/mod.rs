@@ -59,7 +59,7 @@ pub struct Options {
 }
 
 /// A connection, and the logs.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct JetStream {
     client: Client,
     context: Context,
@@ -212,7 +212,7 @@ impl JetStream {
             frame,
             position,
             deliveries: u64::try_from(delivered).unwrap_or(1),
-            ticket: super::Ticket::JetStream(Ticket(acker)),
+            ticket: super::Ticket::JetStream(Box::new(Ticket(acker))),
         }))
     }
 
