@@ -1,7 +1,7 @@
 # The commands a newcomer needs. Each installs what is missing.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: demo test test-deploy lint build page fuzz load soak end-to-end results bench bench-instructions
+.PHONY: demo test test-deploy lint build page fuzz load soak end-to-end results bench bench-instructions dependencies
 
 # A server, a capture rig and the address to watch. `make demo SEQ=folder` publishes the frames in
 # a folder instead of an animated figure.
@@ -78,6 +78,12 @@ bench:
 	cargo bench --bench stages
 	cargo run --release --example performance -- "$$CARGO_TARGET_DIR/criterion" > docs/PERFORMANCE.md.new
 	mv docs/PERFORMANCE.md.new docs/PERFORMANCE.md
+
+# docs/DEPENDENCIES.md: what each dependency costs in build time and size. Some minutes.
+dependencies: page
+	scripts/install-dependencies build
+	scripts/dependency-costs > docs/DEPENDENCIES.md.new
+	mv docs/DEPENDENCIES.md.new docs/DEPENDENCIES.md
 
 # Instructions of each stage, by Valgrind, against benches/instructions.txt: fails over 10 % more.
 # With ACCEPT=1 that file is written anew.

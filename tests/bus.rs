@@ -92,7 +92,8 @@ async fn append(bus: &Bus, stream: &str, count: u64) -> Vec<(Position, Frame)> {
             seq: before.seq,
         });
         let frame = frame(stream, index * 2, predecessor);
-        appended.push((bus.append(&frame).await.unwrap(), frame));
+        let behind = predecessor.map(|before| before.position);
+        appended.push((bus.append(&frame, behind).await.unwrap(), frame));
     }
     appended
 }
@@ -148,7 +149,7 @@ async fn append_after(bus: &Bus, (position, before): &(Position, Frame)) -> Posi
         seq: before.seq,
     };
     let next = frame(&before.stream, before.seq + 2, Some(predecessor));
-    bus.append(&next).await.unwrap()
+    bus.append(&next, Some(*position)).await.unwrap()
 }
 
 async fn a_frame_that_is_worked_on_does_not_come_again(bus: Bus) {
@@ -179,23 +180,26 @@ async fn a_frame_that_is_put_back_comes_again_later(bus: Bus) {
 
 async fn a_frame_is_appended_behind_the_last_one_only(bus: Bus) {
     let appended = append(&bus, "a", 2).await;
-    let stale = Predecessor {
-        position: appended[0].0,
-        seq: 0,
-    };
-    for predecessor in [Some(stale), None] {
-        let refused = bus.append(&frame("a", 8, predecessor)).await;
+    for behind in [Some(appended[0].0), None] {
+        let refused = bus.append(&frame("a", 8, None), behind).await;
         assert!(matches!(refused, Err(BusError::Conflict)), "{refused:?}");
     }
     let (position, last) = bus.last("a").await.unwrap().unwrap();
     assert_eq!((position, last.seq), (appended[1].0, 2));
-    // Another stream begins for itself.
+    // Another stream begins for itself, and one of the same name behind the first.
     append(&bus, "b", 1).await;
+    let anew = Frame {
+        instance: 7,
+        ..frame("a", 0, None)
+    };
+    bus.append(&anew, Some(position)).await.unwrap();
+    assert_eq!(bus.last("a").await.unwrap().unwrap().1.instance, 7);
 }
 
 async fn the_same_frame_is_stored_once(bus: Bus) {
     let appended = append(&bus, "a", 2).await;
-    let again = bus.append(&appended[1].1).await.unwrap();
+    let behind = Some(appended[0].0);
+    let again = bus.append(&appended[1].1, behind).await.unwrap();
     assert_eq!(again, appended[1].0);
     assert_eq!(bus.waiting().await, Some(2));
     // One that another gateway gave the same number is another one.
@@ -203,7 +207,7 @@ async fn the_same_frame_is_stored_once(bus: Bus) {
         received_us: 7,
         ..appended[1].1.clone()
     };
-    let refused = bus.append(&other).await;
+    let refused = bus.append(&other, behind).await;
     assert!(matches!(refused, Err(BusError::Conflict)), "{refused:?}");
 }
 
@@ -273,6 +277,7 @@ async fn whoever_comes_late_hears_the_last_outcome_of_each_stream(bus: Bus) {
 async fn records_are_heard_by_everybody_and_the_latest_by_who_comes_late(bus: Bus) {
     let record = |faces| StreamRecord {
         instance: 1,
+        revision: 1,
         config: StreamConfig {
             target_faces: Some(faces),
             ..StreamConfig::default()
@@ -299,6 +304,7 @@ async fn records_are_heard_by_everybody_and_the_latest_by_who_comes_late(bus: Bu
 async fn a_stream_begins_once(bus: Bus) {
     let record = |instance, ended| StreamRecord {
         instance,
+        revision: 1,
         config: StreamConfig::default(),
         ended,
     };
@@ -326,7 +332,7 @@ async fn a_body_that_is_larger_than_a_message_goes_by_reference() {
         body: Bytes::from(vec![7; 3 << 20]),
         ..frame("a", 0, None)
     };
-    let position = bus.append(&large).await.unwrap();
+    let position = bus.append(&large, None).await.unwrap();
     let job = pull(&bus).await;
     assert_eq!(job.frame, large);
     assert_eq!(bus.frame(position).await.unwrap(), Some(large.clone()));
@@ -348,7 +354,7 @@ async fn nothing_that_was_stored_is_lost_when_the_server_is_killed() {
     bus.publish(&processed("a", 0)).await.unwrap();
     assert_eq!(timeout(PATIENCE, outcomes.next()).await.unwrap().seq, 0);
     nats.kill();
-    let refused = bus.append(&frame("b", 0, None)).await;
+    let refused = bus.append(&frame("b", 0, None), None).await;
     assert!(
         matches!(refused, Err(BusError::Unavailable(_))),
         "{refused:?}"
@@ -383,13 +389,14 @@ async fn a_full_log_refuses_and_loses_nothing() {
         ..options(&nats)
     };
     let bus = Bus::jet_stream(options).await.unwrap();
-    let mut predecessor = None;
+    let mut predecessor: Option<Predecessor> = None;
     for seq in 0.. {
         let large = Frame {
             body: Bytes::from(vec![1; 200_000]),
             ..frame("a", seq, predecessor)
         };
-        match bus.append(&large).await {
+        let behind = predecessor.map(|before| before.position);
+        match bus.append(&large, behind).await {
             Ok(position) => predecessor = Some(Predecessor { position, seq }),
             Err(BusError::Full) => {
                 assert_eq!(seq, 5);

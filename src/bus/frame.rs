@@ -73,6 +73,8 @@ pub struct Processed {
 pub struct StreamRecord {
     /// As in [`Frame::instance`].
     pub instance: u64,
+    /// Which configuration of it: each is larger than the one before.
+    pub revision: u64,
     /// How its frames are processed, defaults filled in.
     pub config: StreamConfig,
     /// Why it has ended; none while it lives.

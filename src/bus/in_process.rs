@@ -72,7 +72,7 @@ impl InProcess {
         }
     }
 
-    pub fn append(&self, frame: &Frame) -> Result<Position, BusError> {
+    pub fn append(&self, frame: &Frame, behind: Option<Position>) -> Result<Position, BusError> {
         let mut state = self.shared.lock();
         let last = state.last.get(&frame.stream);
         if let Some((position, last)) = last
@@ -80,9 +80,7 @@ impl InProcess {
         {
             return Ok(*position);
         }
-        let expected = frame.predecessor.map(|before| before.position);
-        let is_same_instance = last.is_some_and(|(_, last)| last.instance == frame.instance);
-        if is_same_instance && last.map(|(position, _)| *position) != expected {
+        if last.map(|(position, _)| *position) != behind {
             return Err(BusError::Conflict);
         }
         if self.shared.max_frames <= state.frames.len() {

@@ -113,17 +113,21 @@ impl Bus {
         }
     }
 
-    /// Stores a frame behind the one that `frame.predecessor` names, which is the stream's last.
-    /// The same frame appended again is stored once.
+    /// Stores a frame behind the stream's last one, of whatever instance that is. The same frame
+    /// appended again is stored once.
     ///
     /// # Errors
     ///
-    /// [`BusError::Conflict`] if that is not the last one, [`BusError::Full`] and
+    /// [`BusError::Conflict`] if `behind` is not the last one, [`BusError::Full`] and
     /// [`BusError::Unavailable`], after which the frame may be stored or not.
-    pub async fn append(&self, frame: &Frame) -> Result<Position, BusError> {
+    pub async fn append(
+        &self,
+        frame: &Frame,
+        behind: Option<Position>,
+    ) -> Result<Position, BusError> {
         match &self.0 {
-            Kind::InProcess(bus) => bus.append(frame),
-            Kind::JetStream(bus) => bus.append(frame).await,
+            Kind::InProcess(bus) => bus.append(frame, behind),
+            Kind::JetStream(bus) => bus.append(frame, behind).await,
         }
     }
 

@@ -90,7 +90,7 @@ impl Registry {
         let configured = configured.ok()?;
         match known {
             Some(stream) if stream.created_us() == record.instance => {
-                stream.take_configuration(configured);
+                stream.take_configuration(configured, record.revision);
                 return Some(stream);
             }
             Some(stream) if record.instance < stream.created_us() => return Some(stream),
@@ -103,7 +103,10 @@ impl Registry {
         }
         let (timeout, origin) = (
             self.shared.options.load().idle_timeout,
-            Origin::Bus(record.instance),
+            Origin::Bus {
+                instance: record.instance,
+                revision: record.revision,
+            },
         );
         let adopted = self.shared.insert(&name, configured, timeout, origin);
         match adopted {

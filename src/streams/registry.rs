@@ -129,8 +129,13 @@ pub struct Registry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Origin {
     Here,
-    /// It was heard of on the bus: when it was made, in microseconds since 1970.
-    Bus(u64),
+    /// It was heard of on the bus.
+    Bus {
+        /// When it was made, in microseconds since 1970.
+        instance: u64,
+        /// Which configuration it has.
+        revision: u64,
+    },
 }
 
 #[derive(Debug)]
@@ -365,6 +370,7 @@ impl Shared {
             events: self.events.clone(),
             recordings: self.recordings.clone(),
             created: origin.created(),
+            revision: origin.revision(),
             is_shared: self.bus.is_some(),
             records_at_once: origin == Origin::Here,
         };
@@ -427,10 +433,18 @@ impl Shared {
 }
 
 impl Origin {
+    fn revision(self) -> u64 {
+        match self {
+            // The first of all.
+            Self::Here => 1,
+            Self::Bus { revision, .. } => revision,
+        }
+    }
+
     fn created(self) -> SystemTime {
         match self {
             Self::Here => SystemTime::now(),
-            Self::Bus(instance) => SystemTime::UNIX_EPOCH + Duration::from_micros(instance),
+            Self::Bus { instance, .. } => SystemTime::UNIX_EPOCH + Duration::from_micros(instance),
         }
     }
 }

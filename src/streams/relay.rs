@@ -13,7 +13,7 @@ use steadymesh_proto::DeliveredFrame;
 use steadymesh_proto::stream::{Accepted, DropReason, EndReason};
 use tokio::sync::{mpsc, watch};
 
-use crate::bus::{Bus, BusError, Frame, Outcome, Predecessor, Processed, StreamRecord};
+use crate::bus::{Bus, BusError, Frame, Outcome, Position, Predecessor, Processed, StreamRecord};
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::processing::prepare;
 use crate::stopwatch::microseconds;
@@ -52,12 +52,17 @@ struct Read {
     checked: Result<(), Refused>,
 }
 
-/// The stream's last frame on the bus, as far as it is known here.
+/// The end of the stream's frames on the bus, as far as it is known here.
 #[derive(Debug, Clone, Copy, Default)]
 struct Last {
+    /// The last frame, whatever stream of this name it is of.
+    position: Option<Position>,
+    /// The same if it is of this one.
     predecessor: Option<Predecessor>,
     /// Whether it has been looked at.
     is_known: bool,
+    /// The bus did not answer for so long that nobody waits for it any more.
+    is_away: bool,
 }
 
 impl Relay {
@@ -166,6 +171,7 @@ impl Relay {
     fn record(&self, ended: Option<EndReason>) -> StreamRecord {
         StreamRecord {
             instance: self.stream.created_us(),
+            revision: self.stream.revision(),
             config: self.stream.configured().config.clone(),
             ended,
         }
@@ -280,11 +286,11 @@ impl Relay {
                 Ok(is_new) => return Ok(is_new),
                 Err(Attempt::Refused(refused)) => return Err(refused),
                 // Others were faster: behind them.
-                Err(Attempt::Bus(BusError::Conflict)) => *last = Last::default(),
+                Err(Attempt::Bus(BusError::Conflict)) => last.is_known = false,
                 Err(Attempt::Bus(BusError::Full)) => return Err(Refused::QueueFull),
                 Err(Attempt::Bus(error)) => {
-                    if PATIENCE < began.elapsed() {
-                        *last = Last::default();
+                    if last.is_away || PATIENCE < began.elapsed() {
+                        (last.is_known, last.is_away) = (false, true);
                         return Err(Refused::BusAway(error.to_string()));
                     }
                     tokio::time::sleep(RETRY).await;
@@ -302,16 +308,17 @@ impl Relay {
     ) -> Result<bool, Attempt> {
         if !last.is_known {
             let found = self.bus.last(&frame.stream).await.map_err(Attempt::Bus)?;
+            last.position = found.as_ref().map(|(position, _)| *position);
             let own = found.filter(|(_, found)| found.instance == frame.instance);
-            *last = Last {
-                predecessor: own.map(|(position, found)| Predecessor {
-                    position,
-                    seq: found.seq,
-                }),
-                is_known: true,
-            };
+            last.predecessor = own.map(|(position, found)| Predecessor {
+                position,
+                seq: found.seq,
+            });
+            last.is_known = true;
         }
+        // The bus may have forgotten a frame that has been out for long.
         let latest = last.predecessor.map(|before| before.seq);
+        let latest = latest.max(self.stream.latest_accepted());
         let seq = asked.unwrap_or_else(|| latest.map_or(0, |latest| latest.saturating_add(1)));
         if let Some(latest) = latest.filter(|latest| seq <= *latest) {
             // Sent again because an answer was lost, ours or the bus's: it is in already.
@@ -328,11 +335,14 @@ impl Relay {
         if let Some(claim) = claim.take() {
             relayed.push(seq, claim);
         }
-        let position = self.bus.append(frame).await.map_err(|error| {
+        let appended = self.bus.append(frame, last.position).await;
+        let position = appended.map_err(|error| {
             *claim = relayed.take_back(seq);
             Attempt::Bus(error)
         })?;
+        last.position = Some(position);
         last.predecessor = Some(Predecessor { position, seq });
+        last.is_away = false;
         Ok(true)
     }
 

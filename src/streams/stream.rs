@@ -82,6 +82,7 @@ pub struct Stream {
     /// Frames on the bus whose outcome is not known.
     relayed: Relayed,
     is_known: watch::Sender<bool>,
+    revision: Mutex<u64>,
     records_at_once: bool,
     /// The configuration was changed here, which other nodes are to be told.
     changed: Notify,
@@ -103,6 +104,8 @@ pub(super) struct Parts {
     pub recordings: Option<Arc<Recordings>>,
     /// When it was made.
     pub created: SystemTime,
+    /// Which configuration it begins with.
+    pub revision: u64,
     /// Whether other nodes may have it too.
     pub is_shared: bool,
     /// Whether it is recorded from the first; else from its first frame that comes in here.
@@ -135,6 +138,7 @@ impl Stream {
             events: parts.events,
             relayed: Relayed::default(),
             is_known: watch::Sender::new(!parts.is_shared),
+            revision: Mutex::new(parts.revision),
             records_at_once: parts.records_at_once,
             changed: Notify::new(),
         }
@@ -254,8 +258,18 @@ impl Stream {
 
     /// Changes how its frames are processed, from the next one that is started on.
     pub fn configure(&self, configured: Configured) {
-        self.take_configuration(configured);
+        {
+            let mut revision = lock(&self.revision);
+            // Later than any that is known, also where another node's clock is ahead.
+            *revision = (*revision + 1).max(now_us());
+            self.put(configured);
+        }
         self.changed.notify_one();
+    }
+
+    /// Which configuration it has.
+    pub(super) fn revision(&self) -> u64 {
+        *lock(&self.revision)
     }
 
     /// Waits until the configuration has been changed here.
@@ -263,8 +277,16 @@ impl Stream {
         self.changed.notified().await;
     }
 
-    /// Takes a configuration that others know already.
-    pub(super) fn take_configuration(&self, configured: Configured) {
+    /// Takes a configuration of another node, unless it is older than the one that is there.
+    pub(super) fn take_configuration(&self, configured: Configured, newer: u64) {
+        let mut revision = lock(&self.revision);
+        if *revision < newer {
+            *revision = newer;
+            self.put(configured);
+        }
+    }
+
+    fn put(&self, configured: Configured) {
         if self.tape.has_begun() || self.records_at_once {
             self.tape.configure(&self.name, &configured);
         }
@@ -491,6 +513,11 @@ impl Stream {
     fn history(&self) -> MutexGuard<'_, History> {
         lock(&self.history)
     }
+}
+
+fn now_us() -> u64 {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    microseconds(since.unwrap_or_default())
 }
 
 /// Nothing that panics is done under these locks, so a poisoned one is as good as new.

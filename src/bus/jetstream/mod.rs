@@ -135,7 +135,11 @@ impl JetStream {
         format!("{}.{log}.{stream}", self.prefix)
     }
 
-    pub async fn append(&self, frame: &Frame) -> Result<Position, BusError> {
+    pub async fn append(
+        &self,
+        frame: &Frame,
+        behind: Option<Position>,
+    ) -> Result<Position, BusError> {
         let (instance, seq, received) = frame.identity();
         let id = format!("{}/{instance}/{seq}/{received}", frame.stream);
         let mut headers = message::frame_headers(frame);
@@ -146,7 +150,7 @@ impl JetStream {
             headers.insert(message::OBJECT, object);
             payload.clear();
         }
-        let before = frame.predecessor.map_or(0, |before| before.position.0);
+        let before = behind.map_or(0, |position| position.0);
         let message = PublishMessage::build()
             .headers(headers)
             .payload(payload)
