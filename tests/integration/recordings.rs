@@ -281,6 +281,7 @@ async fn wrong_wishes_of_players_are_refused() {
     for (query, word) in [
         ("speed=-1", "speed is -1"),
         ("speed=NaN", "speed is NaN"),
+        ("speed=1e-300", "from 0.01 to 100"),
         ("from_seq=1&from_us=2", "from_seq and from_us"),
         ("from=1", "from"),
         ("", "WebSocket"),
@@ -308,4 +309,103 @@ async fn wrong_wishes_of_players_are_refused() {
             break;
         }
     }
+}
+
+#[tokio::test]
+async fn a_player_at_the_end_that_is_paused_can_still_go_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = recording_server(&folder, |_| {}).await;
+    let (path, _) = record(&server, 3).await;
+    let mut player = server
+        .play(&format!("{path}/play?from_seq=1&speed=0.01"))
+        .await;
+    player.control().await;
+    assert_eq!(player.frame().await.0.seq, 1);
+    let say = async |player: &mut crate::support::Player, message: Value| {
+        let text = Message::Text(message.to_string().into());
+        player.socket.send(text).await.unwrap();
+    };
+    say(&mut player, json!({"type": "pause"})).await;
+    for seq in [2, 9, 0] {
+        say(&mut player, json!({"type": "seek", "seq": seq})).await;
+        if seq < 3 {
+            assert_eq!(player.frame().await.0.seq, seq);
+        }
+    }
+    say(&mut player, json!({"type": "seek", "seq": 9})).await;
+    say(&mut player, json!({"type": "resume"})).await;
+    assert_eq!(player.control().await["reason"], "finished");
+}
+
+#[tokio::test]
+async fn a_player_that_waits_for_a_frame_gets_that_one_and_the_servers_farewell() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = recording_server(&folder, |_| {}).await;
+    put(&server, "/v1/streams/rig", json!({"record": "output"})).await;
+    let mut bodies = frames(3).into_iter();
+    server.publish("rig", bodies.next().unwrap()).await;
+    let status = server.json("/v1/streams/rig").await;
+    let id = status["recording"]["id"].as_str().unwrap().to_owned();
+    let path = format!("/v1/recordings/rig/{id}");
+    while server.get(&path).await.status() != StatusCode::OK {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let mut player = server
+        .play(&format!("{path}/play?from_seq=2&speed=0"))
+        .await;
+    player.control().await;
+    for body in bodies {
+        server.publish("rig", body).await;
+    }
+    assert_eq!(player.frame().await.0.seq, 2);
+    let stop = tokio::spawn(server.server.shut_down());
+    assert_eq!(player.control().await["reason"], "shutdown");
+    match player.message().await {
+        Message::Close(Some(close)) => assert_eq!(u16::from(close.code), 1001),
+        other => panic!("a farewell was expected, not {other:?}"),
+    }
+    drop(player);
+    stop.await.unwrap();
+}
+
+#[tokio::test]
+async fn other_settings_begin_another_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = recording_server(&folder, |_| {}).await;
+    let mut bodies = frames(2).into_iter();
+    for target_faces in [100, 200] {
+        let config = json!({"record": "output", "target_faces": target_faces});
+        put(&server, "/v1/streams/rig", config.clone()).await;
+        // The same settings again change nothing.
+        put(&server, "/v1/streams/rig", config).await;
+        server.publish("rig", bodies.next().unwrap()).await;
+    }
+    assert_eq!(
+        delete(&server, "/v1/streams/rig/recording").await,
+        StatusCode::NO_CONTENT
+    );
+    let mut recordings = Vec::new();
+    for _ in 0..100 {
+        let list = server.json("/v1/recordings").await;
+        recordings = list["recordings"].as_array().unwrap().clone();
+        if recordings
+            .iter()
+            .filter(|r| r["state"] == "complete")
+            .count()
+            == 2
+        {
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    let faces: std::collections::BTreeSet<_> = recordings
+        .iter()
+        .map(|r| {
+            (
+                r["config"]["target_faces"].as_u64(),
+                r["output"]["frames"].as_u64(),
+            )
+        })
+        .collect();
+    assert_eq!(faces, [(Some(100), Some(1)), (Some(200), Some(1))].into());
 }

@@ -1,0 +1,1 @@
+"""What scripts/test-deploy checks, a module for each kind of file in deploy/."""
