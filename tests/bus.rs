@@ -277,7 +277,7 @@ async fn whoever_comes_late_hears_the_last_outcome_of_each_stream(bus: Bus) {
 async fn records_are_heard_by_everybody_and_the_latest_by_who_comes_late(bus: Bus) {
     let record = |faces| StreamRecord {
         instance: 1,
-        revision: 1,
+        revision: faces as u64,
         config: StreamConfig {
             target_faces: Some(faces),
             ..StreamConfig::default()
@@ -288,6 +288,8 @@ async fn records_are_heard_by_everybody_and_the_latest_by_who_comes_late(bus: Bu
     for faces in [100, 200] {
         bus.announce("a", &record(faces)).await.unwrap();
     }
+    // One that comes late is not heard.
+    bus.announce("a", &record(150)).await.unwrap();
     loop {
         let heard = timeout(PATIENCE, early.next()).await.unwrap();
         if heard == ("a".to_owned(), record(200)) {

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import yaml
@@ -91,12 +92,5 @@ def metric_names(text):
 
 @functools.cache
 def defaults():
-    """Every setting's default, by its name with a dot between table and setting."""
-    text = run(STEADYMESH, "config", "--print-default", env=clean_environment())
-    table, found = "", {}
-    for line in text.splitlines():
-        if header := re.fullmatch(r"\[([\w.]+)\]", line):
-            table = header[1] + "."
-        elif setting := re.fullmatch(r"(\w+) = (.+)", line):
-            found[table + setting[1]] = setting[2]
-    return found
+    """Every setting with its default, as the server prints them."""
+    return tomllib.loads(run(STEADYMESH, "config", "--print-default", env=clean_environment()))

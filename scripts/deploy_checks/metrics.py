@@ -69,7 +69,7 @@ def there_is_time_to_stop():
     grace = int(re.search(r"^shutdown_grace_secs = (\d+)$", config.read_text(), re.M)[1])
     example = (DEPLOY / "systemd/steadymesh.toml.example").read_text()
     expect(f"\nshutdown_grace_secs = {grace}\n" in example, "the examples differ")
-    expect(defaults()["shutdown_grace_secs"] == str(grace), "the default differs")
+    expect(defaults()["shutdown_grace_secs"] == grace, "the default differs")
     expect(2 * grace + FAREWELLS_SECS < STOP_SECS, f"{grace} s of grace are too many")
     given = {"the systemd unit": int(unit()["TimeoutStopSec"])}
     for name in SERVERS:
@@ -91,9 +91,9 @@ def the_bus_has_room():
     sizes = dict(re.findall(r"^\s*(\w+): (\d+)[MG]B$", text, re.M))
     expect(sizes["max_payload"] == "8", "frames above 1 MB take the detour")
     # As much of outcomes, and frames that are too large for a message.
-    frames = int(defaults()["bus.max_bytes"])
+    frames = defaults()["bus"]["max_bytes"]
     expect(3 * frames <= int(sizes["max_file_store"]) * 1000**3, "frames have no room")
-    most = int(defaults()["bus.frames"])
+    most = defaults()["bus"]["frames"]
     expect(rule("WorkersTooFew")["expr"].endswith(f"> {most * 3 // 4}"),
            f"WorkersTooFew does not know that {most} frames may be on the bus")
     for scaler in of_kind("HorizontalPodAutoscaler", "overlays/scale-out"):

@@ -83,6 +83,13 @@ pub struct StreamRecord {
 }
 
 impl StreamRecord {
+    /// Whether it comes after `last`, in whatever order they are heard.
+    #[must_use]
+    pub fn follows(&self, last: &Self) -> bool {
+        let key = |record: &Self| (record.instance, record.ended.is_some(), record.revision);
+        key(last) < key(self)
+    }
+
     /// Whether a stream of the same name cannot begin because of this one.
     pub(super) fn is_in_the_way_of(&self, other: &Self) -> bool {
         self.ended.is_none() && self.instance != other.instance

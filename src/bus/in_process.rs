@@ -172,6 +172,10 @@ impl InProcess {
 
     pub fn announce(&self, stream: &str, record: &StreamRecord) {
         let mut state = self.shared.lock();
+        let last = state.records.get(stream);
+        if last.is_some_and(|last| !record.follows(last)) {
+            return;
+        }
         state.records.insert(stream.to_owned(), record.clone());
         let sent = (stream.to_owned(), record.clone());
         self.shared.records.send(sent).ok();

@@ -224,7 +224,8 @@ impl Bus {
         }
     }
 
-    /// Says how a stream is configured, or that it has ended.
+    /// Says how a stream is configured, or that it has ended. What is older than what is known is not
+    /// heard.
     ///
     /// # Errors
     ///

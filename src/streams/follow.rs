@@ -1,7 +1,7 @@
 //! What the registry hears on the bus: streams of other nodes, and what becomes of frames.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use tokio::time::timeout;
@@ -72,6 +72,12 @@ impl Registry {
     /// Takes what another node, or this one, has said of a stream.
     fn hear_of(&self, name: &str, record: &StreamRecord) -> Option<Arc<Stream>> {
         let name = StreamName::parse(name).ok()?;
+        {
+            let instances = self.shared.instances.lock();
+            let mut instances = instances.unwrap_or_else(PoisonError::into_inner);
+            let last = instances.entry(name.clone()).or_default();
+            *last = record.instance.max(*last);
+        }
         let known = self.get(&name);
         if let Some(reason) = record.ended {
             let ended = known.filter(|stream| stream.created_us() <= record.instance);
@@ -97,7 +103,7 @@ impl Registry {
             // One that was made anew elsewhere.
             Some(stream) => {
                 self.shared.lock().remove(&name);
-                stream.request(Request::Drain);
+                stream.request(Request::Follow);
             }
             None => {}
         }

@@ -31,6 +31,9 @@ use super::task::Task;
 /// frames shall not fill the server with empty streams.
 const UNUSED_TIMEOUT: Duration = Duration::from_secs(5);
 
+/// Streams that were asked to end at once have done so within this time, recordings included.
+const LAST_WAIT: Duration = Duration::from_secs(15);
+
 /// How streams are kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -147,6 +150,8 @@ pub(super) struct Shared {
     recordings: Option<Arc<Recordings>>,
     /// Where frames are processed, if not here.
     pub(super) bus: Option<Bus>,
+    /// The latest stream of each name that was heard of on the bus.
+    pub(super) instances: Mutex<BTreeMap<StreamName, u64>>,
     events: Events,
     pub(super) options: ArcSwap<Options>,
 }
@@ -174,6 +179,7 @@ impl Registry {
                 telemetry,
                 recordings,
                 bus,
+                instances: Mutex::default(),
                 events: Events::default(),
                 options: ArcSwap::from_pointee(options),
             }),
@@ -316,8 +322,11 @@ impl Registry {
             .is_err()
         {
             tracing::warn!("frames are left unfinished: they took too long");
-            self.request_all(Request::Delete);
-            self.shared.tasks.wait().await;
+            self.request_all(Request::Abandon);
+            // One that cannot end, because it waits for others, shall not keep the server.
+            tokio::time::timeout(LAST_WAIT, self.shared.tasks.wait())
+                .await
+                .ok();
         }
     }
 
@@ -329,6 +338,12 @@ impl Registry {
 }
 
 impl Shared {
+    fn later_than(&self, name: &StreamName) -> Option<u64> {
+        let instances = self.instances.lock();
+        let instances = instances.unwrap_or_else(PoisonError::into_inner);
+        instances.get(name).copied()
+    }
+
     pub(super) fn lock(&self) -> MutexGuard<'_, BTreeMap<StreamName, Arc<Stream>>> {
         // Nothing that panics is done under this lock.
         self.streams.lock().unwrap_or_else(PoisonError::into_inner)
@@ -369,7 +384,7 @@ impl Shared {
             metrics: self.telemetry.stream(name.as_str()),
             events: self.events.clone(),
             recordings: self.recordings.clone(),
-            created: origin.created(),
+            created: origin.created(self.later_than(name)),
             revision: origin.revision(),
             is_shared: self.bus.is_some(),
             records_at_once: origin == Origin::Here,
@@ -441,9 +456,15 @@ impl Origin {
         }
     }
 
-    fn created(self) -> SystemTime {
+    /// When it was made: of two of one name the later one counts, whatever the clocks say.
+    fn created(self, later_than: Option<u64>) -> SystemTime {
         match self {
-            Self::Here => SystemTime::now(),
+            Self::Here => {
+                let after = later_than.map(|last| {
+                    SystemTime::UNIX_EPOCH + Duration::from_micros(last.saturating_add(1))
+                });
+                after.map_or_else(SystemTime::now, |after| after.max(SystemTime::now()))
+            }
             Self::Bus { instance, .. } => SystemTime::UNIX_EPOCH + Duration::from_micros(instance),
         }
     }

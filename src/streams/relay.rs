@@ -28,9 +28,17 @@ use super::stream::{Request, Stream};
 /// Frames that are being checked at a time.
 const READING: usize = 4;
 /// How long a publisher waits for a bus that is away, before it is told to come back.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(7);
 /// Between two attempts to reach it.
 const RETRY: Duration = Duration::from_millis(200);
+
+/// How often it is looked whether a frame is gone whose outcome does not come.
+const LOOK: Duration = Duration::from_secs(5);
+/// A stream that is another gateway's is ended if that does not do it for so many times as long.
+const OF_OTHERS: u32 = 4;
+
+/// Between two attempts to be the next.
+const CONFLICT: Duration = Duration::from_millis(5);
 
 /// What the task works with.
 #[derive(Debug)]
@@ -93,6 +101,8 @@ impl Relay {
         }
         let mut reading: FuturesOrdered<BoxFuture<'static, Read>> = FuturesOrdered::new();
         let mut last = Last::default();
+        let mut looks = tokio::time::interval(LOOK);
+        looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
         let idle = tokio::time::sleep(self.first_frame_timeout);
         tokio::pin!(idle);
         let mut closed = false;
@@ -104,6 +114,7 @@ impl Relay {
                     Request::Run => {}
                     Request::Drain => self.intake.close(),
                     Request::Delete | Request::Follow => return EndReason::Deleted,
+                    Request::Abandon => return EndReason::Shutdown,
                 },
                 () = stream.changed() => self.announce(None).await,
                 Some(read) = reading.next(), if !reading.is_empty() => {
@@ -120,18 +131,71 @@ impl Relay {
                 () = stream.relayed().all_settled(), if closed && reading.is_empty() => {
                     return EndReason::Shutdown;
                 }
+                _ = looks.tick() => self.look_for_lost().await,
                 () = &mut idle, if reading.is_empty() && stream.relayed().len() == 0 => {
-                    let quiet = stream.quiet_for();
-                    if quiet.is_none_or(|quiet| self.idle_timeout <= quiet)
-                        && !stream.has_publisher()
-                    {
-                        return EndReason::Idle;
+                    match self.is_idle(&last).await {
+                        Ok(()) => return EndReason::Idle,
+                        Err(left) => idle.as_mut().reset(tokio::time::Instant::now() + left),
                     }
-                    // Others may publish it: frames come out.
-                    let quiet = quiet.unwrap_or_default();
-                    let left = self.idle_timeout.saturating_sub(quiet).max(RETRY);
-                    idle.as_mut().reset(tokio::time::Instant::now() + left);
                 }
+            }
+        }
+    }
+
+    /// Whether the stream is to end for lack of frames, or when to look again. A gateway ends what
+    /// came through itself, and what is another's only if that does not for a long time.
+    async fn is_idle(&self, last: &Last) -> Result<(), Duration> {
+        let again = Err(self.idle_timeout.max(RETRY));
+        let stream = &self.stream;
+        if stream.has_publisher() || !self.bus.is_connected() {
+            return again;
+        }
+        let Ok(found) = self.bus.last(stream.name().as_str()).await else {
+            return again;
+        };
+        let own = found.filter(|(_, found)| found.instance == stream.created_us());
+        if let Some((_, frame)) = &own
+            && stream.newest_outcome() < Some(frame.seq)
+        {
+            // It waits for a worker.
+            return again;
+        }
+        let is_ours = match own {
+            Some((position, _)) => last.position == Some(position),
+            None => !self.is_known || last.position.is_some(),
+        };
+        let timeout = if is_ours {
+            self.idle_timeout
+        } else {
+            self.idle_timeout * OF_OTHERS
+        };
+        let quiet = stream.quiet_for().unwrap_or_else(|| stream.age());
+        match timeout.checked_sub(quiet) {
+            None | Some(Duration::ZERO) => Ok(()),
+            // A first frame that was refused has made it: nobody waits for another.
+            Some(_) if is_ours && stream.is_unused() => Ok(()),
+            Some(left) => Err(left.max(RETRY)),
+        }
+    }
+
+    /// Gives up the oldest frame that waits for an outcome, if it is on the bus no more: nobody has
+    /// processed it in the time for which it is kept, or the bus has lost it.
+    async fn look_for_lost(&self) {
+        let Some((seq, position)) = self.stream.relayed().overdue(LOOK) else {
+            return;
+        };
+        if let Ok(None) = self.bus.frame(position).await {
+            // Its outcome may be on its way.
+            tokio::time::sleep(RETRY).await;
+            if self
+                .stream
+                .newest_outcome()
+                .is_none_or(|newest| newest < seq)
+            {
+                tracing::error!(stream = %self.stream.name(), seq, "frame lost: it is on the bus no more");
+                let arrived = self.stream.relayed().settle(seq);
+                let after = arrived.map_or(LOOK, |arrived| arrived.elapsed());
+                self.stream.lose(seq, Loss::Failed, after);
             }
         }
     }
@@ -281,18 +345,34 @@ impl Relay {
         claim: Claim,
     ) -> Result<bool, Refused> {
         let (began, mut claim) = (Instant::now(), Some(claim));
+        // Chosen once: an attempt whose answer was lost must not become two frames.
+        let mut asked = asked;
+        let chosen_by_rig = asked.is_some();
         loop {
             match self.try_store(frame, asked, last, &mut claim).await {
-                Ok(is_new) => return Ok(is_new),
+                Ok(is_new) => {
+                    if std::mem::take(&mut last.is_away) {
+                        // It may have lost what it was told.
+                        self.announce(None).await;
+                    }
+                    return Ok(is_new);
+                }
                 Err(Attempt::Refused(refused)) => return Err(refused),
                 // Others were faster: behind them.
-                Err(Attempt::Bus(BusError::Conflict)) => last.is_known = false,
+                Err(Attempt::Bus(BusError::Conflict)) if began.elapsed() < PATIENCE => {
+                    last.is_known = false;
+                    if !chosen_by_rig {
+                        asked = None;
+                    }
+                    tokio::time::sleep(CONFLICT).await;
+                }
                 Err(Attempt::Bus(BusError::Full)) => return Err(Refused::QueueFull),
                 Err(Attempt::Bus(error)) => {
                     if last.is_away || PATIENCE < began.elapsed() {
                         (last.is_known, last.is_away) = (false, true);
                         return Err(Refused::BusAway(error.to_string()));
                     }
+                    asked = asked.or(Some(frame.seq).filter(|_| last.is_known));
                     tokio::time::sleep(RETRY).await;
                 }
             }
@@ -340,9 +420,10 @@ impl Relay {
             *claim = relayed.take_back(seq);
             Attempt::Bus(error)
         })?;
+        relayed.stored(seq, position);
         last.position = Some(position);
         last.predecessor = Some(Predecessor { position, seq });
-        last.is_away = false;
+
         Ok(true)
     }
 

@@ -2,15 +2,19 @@
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{Notify, OwnedSemaphorePermit};
+
+use crate::bus::Position;
 
 /// A frame on the bus.
 #[derive(Debug)]
 struct Pending {
     seq: u64,
     claim: Claim,
+    /// Where it is, once it is there.
+    position: Option<Position>,
 }
 
 /// When a frame arrived, and its place in the stream's queue.
@@ -27,7 +31,28 @@ pub(super) struct Relayed {
 impl Relayed {
     /// A frame is on the bus, or about to be.
     pub fn push(&self, seq: u64, claim: Claim) {
-        self.lock().push_back(Pending { seq, claim });
+        self.lock().push_back(Pending {
+            seq,
+            claim,
+            position: None,
+        });
+    }
+
+    /// A frame is on the bus.
+    pub fn stored(&self, seq: u64, position: Position) {
+        let mut pending = self.lock();
+        let found = pending.iter_mut().find(|pending| pending.seq == seq);
+        if let Some(found) = found {
+            found.position = Some(position);
+        }
+    }
+
+    /// The oldest frame, if it has waited for longer than `patience`.
+    pub fn overdue(&self, patience: Duration) -> Option<(u64, Position)> {
+        let pending = self.lock();
+        let first = pending.front()?;
+        let is_overdue = patience < first.claim.0.elapsed();
+        is_overdue.then_some((first.seq, first.position?))
     }
 
     /// A frame did not get onto the bus.

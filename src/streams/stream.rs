@@ -44,6 +44,8 @@ pub(super) enum Request {
     Delete,
     /// End at once, as other nodes have, which need not be told.
     Follow,
+    /// End at once because the server does: other nodes go on.
+    Abandon,
 }
 
 #[derive(Debug, Default)]
@@ -64,6 +66,7 @@ pub(super) struct Counters {
 pub struct Stream {
     name: StreamName,
     created: SystemTime,
+    begun: Instant,
     intake: Intake,
     publisher: Mutex<PublisherSlot>,
     linger: Duration,
@@ -122,6 +125,7 @@ impl Stream {
             tape,
             name: parts.name,
             created: parts.created,
+            begun: Instant::now(),
             intake,
             publisher: Mutex::default(),
             linger: parts.linger,
@@ -342,8 +346,8 @@ impl Stream {
     pub fn summary(&self) -> StreamSummary {
         let counters = &self.counters;
         let last_arrival = *lock(&self.last_arrival);
-        let is_live =
-            last_arrival.is_some_and(|at| at.elapsed() < LIVE_FOR) || self.has_publisher();
+        let last_seen = last_arrival.max(*lock(&self.last_outcome));
+        let is_live = last_seen.is_some_and(|at| at.elapsed() < LIVE_FOR) || self.has_publisher();
         StreamSummary {
             stream: self.name.to_string(),
             state: if is_live {
@@ -390,7 +394,8 @@ impl Stream {
         self.request.send_if_modified(|current| {
             let changes = *current == Request::Run
                 || (*current, request) == (Request::Drain, Request::Delete)
-                || (*current, request) == (Request::Drain, Request::Follow);
+                || (*current, request) == (Request::Drain, Request::Follow)
+                || (*current, request) == (Request::Drain, Request::Abandon);
             if changes {
                 *current = request;
             }
@@ -452,6 +457,16 @@ impl Stream {
     /// Makes a frame known to readers and to whoever waits for it.
     pub(super) fn deliver(&self, metrics: FrameMetrics, draco: &[u8]) -> Arc<Delivered> {
         self.make_known(metrics, draco, true)
+    }
+
+    /// How long ago it was made, or heard of.
+    pub(super) fn age(&self) -> Duration {
+        self.begun.elapsed()
+    }
+
+    /// Whether no frame has ever been accepted.
+    pub(super) fn is_unused(&self) -> bool {
+        lock(&self.latest_accepted).is_none()
     }
 
     /// How long ago its last frame came in or out here; none if none has.

@@ -155,6 +155,7 @@ impl Task {
                     Request::Run => {}
                     Request::Drain => self.intake.close(),
                     Request::Delete | Request::Follow => return EndReason::Deleted,
+                    Request::Abandon => return EndReason::Shutdown,
                 },
                 Some(done) = state.processing.next(), if !state.processing.is_empty() => {
                     let span = done.span.clone();

@@ -68,27 +68,29 @@ impl Board {
     fn write_record(&self, stream: String, record: StreamRecord) {
         {
             let mut streams = self.lock();
+            let known = streams.entry(stream).or_default();
+            let last = known.record.as_ref();
+            if last.is_some_and(|last| !record.follows(last)) {
+                return;
+            }
             if record.ended.is_some() {
                 // Nothing is asked of it any more; its record says so to frames that are left.
-                let known = streams.entry(stream).or_default();
-                known.outcomes.clear();
-                known.record = Some(record);
-            } else {
-                streams.entry(stream).or_default().record = Some(record);
+                known.outcomes.retain(|o| record.instance < o.instance);
             }
+            known.record = Some(record);
         }
         self.changes.send_modify(|changes| *changes += 1);
     }
 
-    /// Waits until a stream's record is known.
-    pub async fn record(&self, stream: &str) -> StreamRecord {
+    /// Waits until the record of this stream of the name, or of a later one, is known.
+    pub async fn record(&self, stream: &str, instance: u64) -> StreamRecord {
         let mut changes = self.changes.subscribe();
         loop {
             let known = self
                 .lock()
                 .get(stream)
                 .and_then(|known| known.record.clone());
-            if let Some(record) = known {
+            if let Some(record) = known.filter(|record| instance <= record.instance) {
                 return record;
             }
             // The board outlives all who read it.

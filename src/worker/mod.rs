@@ -5,9 +5,10 @@
 //! whoever made that, and so outcomes leave in order. A worker keeps nothing that another could not
 //! find on the bus: one that dies costs the time until its frames are given to others.
 //!
-//! A frame that waits for its predecessor's outcome holds no thread, so that the predecessor, if it
-//! comes again because its worker died, always finds one; and no more than [`MAX_WAITING`] wait at a
-//! time, the others go back to the bus.
+//! A frame that waits for its predecessor's outcome holds no thread, and no more than [`MAX_WAITING`]
+//! are waited with: then nothing is taken from the bus. If that lasts, because a predecessor was with a
+//! worker that died, one more is taken all the same, for the bus gives out first what comes again; if
+//! it is not what the others wait for it goes back untouched.
 
 mod board;
 mod cache;
@@ -17,7 +18,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use steadymesh_mesh_io::Limits;
-use tokio::sync::Semaphore;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::{CancellationToken, DropGuard};
 use tokio_util::task::TaskTracker;
 
@@ -64,8 +65,17 @@ struct Shared {
     cache: Cache,
     /// For frames that are read and registered.
     threads: Arc<Semaphore>,
-    /// For frames that wait for an outcome.
-    waiting: Semaphore,
+    /// For frames from when they are taken until they are answered for.
+    places: Arc<Semaphore>,
+}
+
+/// What a frame is taken from the bus with.
+#[derive(Debug)]
+struct Permits {
+    /// Given back when it is registered.
+    thread: OwnedSemaphorePermit,
+    /// None if there was no place: it may not wait.
+    place: Option<OwnedSemaphorePermit>,
 }
 
 impl Worker {
@@ -90,7 +100,7 @@ impl Worker {
             board: Board::default(),
             cache: Cache::new(threads),
             threads: Arc::new(Semaphore::new(threads)),
-            waiting: Semaphore::new(MAX_WAITING),
+            places: Arc::new(Semaphore::new(threads + MAX_WAITING)),
         });
         let (stop, tasks) = (CancellationToken::new(), TaskTracker::new());
         let board = CancellationToken::new();
@@ -134,7 +144,14 @@ async fn pull(shared: Arc<Shared>, tasks: TaskTracker, stop: CancellationToken) 
             () = stop.cancelled() => return,
         };
         // It is never closed.
-        let Ok(permit) = permit else { return };
+        let Ok(thread) = permit else { return };
+        let place = Arc::clone(&shared.places).acquire_owned();
+        let place = tokio::select! {
+            place = tokio::time::timeout(shared.options.ack_wait, place) => place,
+            () = stop.cancelled() => return,
+        };
+        let place = place.ok().and_then(Result::ok);
+        let permits = Permits { thread, place };
         let pulled = tokio::select! {
             pulled = shared.bus.pull() => pulled,
             // What was on its way is given to another worker.
@@ -144,7 +161,7 @@ async fn pull(shared: Arc<Shared>, tasks: TaskTracker, stop: CancellationToken) 
             Ok(Some(job)) => {
                 is_away = false;
                 let shared = Arc::clone(&shared);
-                tasks.spawn(async move { work::handle(&shared, job, permit).await });
+                tasks.spawn(async move { work::handle(&shared, job, permits).await });
             }
             Ok(None) => is_away = false,
             Err(error) => {

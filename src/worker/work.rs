@@ -8,7 +8,6 @@ use steadymesh_mesh_io::Format;
 use steadymesh_proto::DeliveredFrame;
 use steadymesh_proto::metrics::{Quality, StageTimes};
 use steadymesh_proto::stream::{DropReason, Overload};
-use tokio::sync::OwnedSemaphorePermit;
 
 use crate::bus::{BusError, Frame, Job, Outcome, Position, Processed};
 use crate::compute::Length;
@@ -16,12 +15,13 @@ use crate::pipeline::{Output, PreparedFrame, ProcessedFrame};
 use crate::processing::{self, Lost, prepare};
 use crate::stopwatch::microseconds;
 use crate::streams::Configured;
+use tokio::sync::OwnedSemaphorePermit;
 
 use super::board::Fate;
-use super::{RETRY, Shared};
+use super::{Permits, RETRY, Shared};
 
 /// A frame that has been given out so often has taken its workers with it, and is lost.
-const MAX_DELIVERIES: u64 = 8;
+const MAX_DELIVERIES: u64 = 16;
 /// A frame of a stream that nobody has announced within this time goes back.
 const UNKNOWN: Duration = Duration::from_secs(2);
 /// A frame that goes back comes again after this time.
@@ -53,7 +53,13 @@ struct Inputs {
 
 /// Processes a frame, tells what became of it, and answers for it. Whatever goes wrong, the frame
 /// comes again.
-pub(super) async fn handle(shared: &Shared, job: Job, permit: OwnedSemaphorePermit) {
+pub(super) async fn handle(shared: &Shared, job: Job, permits: Permits) {
+    let Permits { thread, place } = permits;
+    if place.is_none() && !is_its_turn(shared, &job.frame) {
+        drop(thread);
+        job.put_back(BACK).await;
+        return;
+    }
     let keep = async {
         loop {
             tokio::time::sleep(shared.options.ack_wait / 3).await;
@@ -61,7 +67,7 @@ pub(super) async fn handle(shared: &Shared, job: Job, permit: OwnedSemaphorePerm
         }
     };
     let done = tokio::select! {
-        done = process(shared, &job, permit) => done,
+        done = process(shared, &job, thread) => done,
         () = keep => return,
     };
     let (stream, seq) = (job.frame.stream.clone(), job.frame.seq);
@@ -89,7 +95,8 @@ pub(super) async fn handle(shared: &Shared, job: Job, permit: OwnedSemaphorePerm
 
 async fn process(shared: &Shared, job: &Job, permit: OwnedSemaphorePermit) -> Result<(), Stop> {
     let frame = &job.frame;
-    let record = tokio::time::timeout(UNKNOWN, shared.board.record(&frame.stream)).await;
+    let record = shared.board.record(&frame.stream, frame.instance);
+    let record = tokio::time::timeout(UNKNOWN, record).await;
     let record = record.map_err(|_| Stop::Later("nobody has announced its stream".to_owned()))?;
     let is_over = record.instance == frame.instance && record.ended.is_some();
     if is_over || frame.instance < record.instance {
@@ -133,10 +140,7 @@ async fn process(shared: &Shared, job: &Job, permit: OwnedSemaphorePermit) -> Re
         seq: frame.seq,
         outcome,
     };
-    while let Err(error) = shared.bus.publish(&processed).await {
-        tracing::debug!(%error, "an outcome cannot be told yet");
-        tokio::time::sleep(RETRY).await;
-    }
+    tell(shared, &processed).await?;
     // Not heard from the bus first: the next frame may be here already.
     shared.board.write_outcome(processed);
     Ok(())
@@ -276,9 +280,6 @@ async fn await_turn(shared: &Shared, frame: &Frame) -> Result<Option<Outcome>, S
         Fate::Past => return Err(Stop::NotWanted),
         Fate::Open => {}
     }
-    let Ok(_waiting) = shared.waiting.try_acquire() else {
-        return Err(Stop::Later("too many wait for the ones before".to_owned()));
-    };
     loop {
         let settled = shared.board.settled(stream, instance, before.seq);
         match tokio::time::timeout(shared.options.ack_wait, settled).await {
@@ -293,6 +294,32 @@ async fn await_turn(shared: &Shared, frame: &Frame) -> Result<Option<Outcome>, S
                 }
             }
         }
+    }
+}
+
+/// Whether nothing has to be waited for.
+fn is_its_turn(shared: &Shared, frame: &Frame) -> bool {
+    frame.predecessor.is_none_or(|before| {
+        let fate = shared.board.fate(&frame.stream, frame.instance, before.seq);
+        fate != Fate::Open
+    })
+}
+
+/// Tells what became of a frame, unless another worker has meanwhile.
+async fn tell(shared: &Shared, processed: &Processed) -> Result<(), Stop> {
+    let (stream, instance, seq) = (&processed.stream, processed.instance, processed.seq);
+    let mut is_first = true;
+    loop {
+        if shared.board.fate(stream, instance, seq) != Fate::Open {
+            return Err(Stop::NotWanted);
+        }
+        let Err(error) = shared.bus.publish(processed).await else {
+            return Ok(());
+        };
+        if std::mem::take(&mut is_first) {
+            tracing::warn!(%stream, seq, %error, "what became of a frame cannot be told yet");
+        }
+        tokio::time::sleep(RETRY).await;
     }
 }
 

@@ -5,18 +5,58 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use steadymesh::bus::Bus;
+use steadymesh::bus::{Bus, Options};
 use steadymesh::compute::ComputePool;
 use steadymesh::config::Config;
 use steadymesh::telemetry::Telemetry;
 use steadymesh::worker::Worker;
 
+use crate::nats::Nats;
 use crate::support::{TestServer, frames, problem, start, start_on};
 
 const ACK_WAIT: Duration = Duration::from_millis(600);
 
-fn bus() -> Bus {
-    Bus::in_process(ACK_WAIT, 100)
+/// Every test runs over the bus in memory and over NATS.
+macro_rules! over_both {
+    ($($name:ident)*) => {
+        mod in_process {
+            use super::*;
+            $(#[tokio::test]
+            async fn $name() {
+                super::$name(Bus::in_process(ACK_WAIT, 100)).await;
+            })*
+        }
+        mod jet_stream {
+            use super::*;
+            $(#[tokio::test]
+            async fn $name() {
+                let nats = Nats::start();
+                super::$name(Bus::jet_stream(options(&nats)).await.unwrap()).await;
+            })*
+        }
+    };
+}
+
+over_both! {
+    two_workers_make_what_one_node_makes
+    frames_wait_for_a_worker_and_are_bounded
+    frames_of_a_worker_that_is_gone_come_out_all_the_same
+    a_stream_is_the_same_at_every_gateway
+    what_is_wrong_with_a_frame_is_heard_at_the_gateway
+    a_gateway_that_stops_leaves_its_streams_to_others
+    a_burst_through_two_gateways_comes_out_whole
+}
+
+fn options(nats: &Nats) -> Options {
+    Options {
+        url: nats.url(),
+        credentials_file: None,
+        prefix: "test".to_owned(),
+        replicas: 1,
+        ack_wait: ACK_WAIT,
+        max_bytes: 64 << 20,
+        max_age: Duration::from_secs(60),
+    }
 }
 
 async fn worker(bus: &Bus) -> Worker {
@@ -64,10 +104,8 @@ async fn eventually<T>(mut attempt: impl AsyncFnMut() -> Option<T>) -> T {
     panic!("it does not happen");
 }
 
-#[tokio::test]
-async fn two_workers_make_what_one_node_makes() {
+async fn two_workers_make_what_one_node_makes(bus: Bus) {
     let alone = meshes(&start().await, 8).await;
-    let bus = bus();
     let (_first, _second) = (worker(&bus).await, worker(&bus).await);
     let gateway = start_on(Some(bus), |_| {}).await;
     assert_eq!(meshes(&gateway, 8).await, alone);
@@ -77,9 +115,7 @@ async fn two_workers_make_what_one_node_makes() {
     assert!(0 < metrics["stage_us"]["register"].as_u64().unwrap());
 }
 
-#[tokio::test]
-async fn frames_wait_for_a_worker_and_are_bounded() {
-    let bus = bus();
+async fn frames_wait_for_a_worker_and_are_bounded(bus: Bus) {
     let gateway = start_on(Some(bus.clone()), |config| config.bus.frames = 3).await;
     let mut bodies = frames(4).into_iter();
     for _ in 0..3 {
@@ -101,10 +137,8 @@ async fn frames_wait_for_a_worker_and_are_bounded() {
     .await;
 }
 
-#[tokio::test]
-async fn frames_of_a_worker_that_is_gone_come_out_all_the_same() {
+async fn frames_of_a_worker_that_is_gone_come_out_all_the_same(bus: Bus) {
     let alone = meshes(&start().await, 8).await;
-    let bus = bus();
     let gateway = start_on(Some(bus.clone()), |_| {}).await;
     // Takes frames, and answers for none.
     let thief = {
@@ -120,9 +154,7 @@ async fn frames_of_a_worker_that_is_gone_come_out_all_the_same() {
     thief.await.unwrap();
 }
 
-#[tokio::test]
-async fn a_stream_is_the_same_at_every_gateway() {
-    let bus = bus();
+async fn a_stream_is_the_same_at_every_gateway(bus: Bus) {
     let _worker = worker(&bus).await;
     let near = start_on(Some(bus.clone()), |_| {}).await;
     let far = start_on(Some(bus.clone()), |_| {}).await;
@@ -181,9 +213,8 @@ async fn a_stream_is_the_same_at_every_gateway() {
     assert_eq!(near.publish("demo", frames(1).remove(0)).await.seq, 0);
 }
 
-#[tokio::test]
-async fn what_is_wrong_with_a_frame_is_heard_at_the_gateway() {
-    let gateway = start_on(Some(bus()), |_| {}).await;
+async fn what_is_wrong_with_a_frame_is_heard_at_the_gateway(bus: Bus) {
+    let gateway = start_on(Some(bus), |_| {}).await;
     let refused = gateway
         .post("demo", b"no mesh".to_vec())
         .send()
@@ -192,4 +223,62 @@ async fn what_is_wrong_with_a_frame_is_heard_at_the_gateway() {
     assert_eq!(refused.status(), StatusCode::UNPROCESSABLE_ENTITY);
     let summary: Value = gateway.json("/v1/streams/demo").await;
     assert_eq!(summary["counters"]["rejected"], 1);
+}
+
+async fn a_gateway_that_stops_leaves_its_streams_to_others(bus: Bus) {
+    let near = start_on(Some(bus.clone()), |config| config.shutdown_grace_secs = 1).await;
+    let far = start_on(Some(bus.clone()), |_| {}).await;
+    // Nobody processes them before it has to stop.
+    for body in frames(2) {
+        let answer = near.post("demo", body).send().await.unwrap();
+        assert_eq!(answer.status(), StatusCode::ACCEPTED);
+    }
+    eventually(async || {
+        let status = far.get("/v1/streams/demo").await.status();
+        (status == StatusCode::OK).then_some(())
+    })
+    .await;
+    near.server.shut_down().await;
+    let _worker = worker(&bus).await;
+    eventually(async || {
+        let summary = far.json("/v1/streams/demo").await;
+        (summary["latest_seq"] == 1).then_some(())
+    })
+    .await;
+    assert_eq!(far.publish("demo", frames(1).remove(0)).await.seq, 2);
+}
+
+async fn a_burst_through_two_gateways_comes_out_whole(bus: Bus) {
+    let _workers = (worker(&bus).await, worker(&bus).await);
+    let near = start_on(Some(bus.clone()), |_| {}).await;
+    assert_eq!(near.publish("demo", frames(1).remove(0)).await.seq, 0);
+    let far = start_on(Some(bus.clone()), |_| {}).await;
+    eventually(async || {
+        let status = far.get("/v1/streams/demo").await.status();
+        (status == StatusCode::OK).then_some(())
+    })
+    .await;
+    // Without numbers, both at once, as many as there are places.
+    let burst = async |gateway: &TestServer| {
+        let mut seqs = Vec::new();
+        for body in frames(15) {
+            let answer = gateway.post("demo", body).send().await.unwrap();
+            assert_eq!(answer.status(), StatusCode::ACCEPTED);
+            let accepted: Value = answer.json().await.unwrap();
+            seqs.push(accepted["seq"].as_u64().unwrap());
+        }
+        seqs
+    };
+    let (first, second) = tokio::join!(burst(&near), burst(&far));
+    let mut all: Vec<_> = first.into_iter().chain(second).collect();
+    all.sort_unstable();
+    assert_eq!(all, (1..31).collect::<Vec<u64>>());
+    for gateway in [&near, &far] {
+        let summary = eventually(async || {
+            let summary = gateway.json("/v1/streams/demo").await;
+            (summary["latest_seq"] == 30).then_some(summary)
+        })
+        .await;
+        assert_eq!(summary["counters"]["dropped"], 0, "{summary}");
+    }
 }

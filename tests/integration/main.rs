@@ -13,6 +13,8 @@ mod control;
 mod frames;
 mod ingest;
 mod log;
+#[path = "../support/nats.rs"]
+mod nats;
 mod operations;
 mod process;
 mod publish;

@@ -1,5 +1,7 @@
 //! A `nats-server` of a test's own, with JetStream in a folder of its own.
 
+#![allow(dead_code, reason = "not every test kills it")]
+
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};

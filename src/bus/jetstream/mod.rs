@@ -33,7 +33,11 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// forgotten when it comes back.
 const LOOK: Duration = Duration::from_millis(200);
 /// How long a request may take.
-const TIMEOUT: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(2);
+/// How long the servers are waited for at the start.
+const START: Duration = Duration::from_secs(60);
+/// How often a server that is connected must show that it is there.
+const PING: Duration = Duration::from_secs(2);
 /// Within it a message that is sent twice is stored once.
 const DUPLICATE_WINDOW: Duration = Duration::from_secs(120);
 /// Beside the body a message has headers; a server counts both.
@@ -69,6 +73,7 @@ pub(super) struct JetStream {
     workers: PullConsumer,
     objects: Objects,
     prefix: String,
+    options: Options,
 }
 
 /// A claim on a frame.
@@ -90,6 +95,7 @@ impl JetStream {
             .name("steadymesh")
             .connection_timeout(TIMEOUT)
             .request_timeout(Some(TIMEOUT))
+            .ping_interval(PING)
             // A server that was away shall be back soon.
             .reconnect_delay_callback(|attempts| {
                 Duration::from_millis(100 * u64::try_from(attempts).unwrap_or(20).min(20))
@@ -103,12 +109,13 @@ impl JetStream {
         let servers: Vec<ServerAddr> = servers
             .collect::<Result<_, _>>()
             .map_err(|error| unavailable(format!("bus.nats_url {}: {error}", options.url)))?;
-        let client = connect.connect(servers).await.map_err(unavailable)?;
+        let client = connect.retry_on_initial_connect().connect(servers).await;
+        let client = client.map_err(unavailable)?;
         let context = ContextBuilder::new()
             .timeout(TIMEOUT)
             .ack_timeout(TIMEOUT)
             .build(client.clone());
-        let made = Logs::ensure(&context, &options).await?;
+        let made = Logs::wait_for(&context, &options).await?;
         Ok(Self {
             objects: Objects::new(context.clone(), &options),
             client,
@@ -117,12 +124,22 @@ impl JetStream {
             outcomes: made.outcomes,
             records: made.records,
             workers: made.workers,
-            prefix: options.prefix,
+            prefix: options.prefix.clone(),
+            options,
         })
     }
 
     pub fn is_connected(&self) -> bool {
         self.client.connection_state() == State::Connected
+    }
+
+    /// The servers have lost everything, as those without a disk do: the logs are made again.
+    async fn made_anew(&self, error: impl std::fmt::Display) -> BusError {
+        if let Err(error) = Logs::ensure(&self.context, &self.options).await {
+            return error;
+        }
+        tracing::error!("the logs on the bus were gone, and have been made again");
+        unavailable(error)
     }
 
     async fn disconnected(&self) {
@@ -162,6 +179,7 @@ impl JetStream {
             Ok(ack) => Ok(Position(ack.sequence)),
             Err(error) => Err(match error.kind() {
                 PublishErrorKind::WrongLastSequence => BusError::Conflict,
+                PublishErrorKind::StreamNotFound => self.made_anew(error).await,
                 // Says so only in words, whose code this client does not hand out.
                 _ if is_full(&error) => BusError::Full,
                 _ => unavailable(error),
@@ -297,22 +315,50 @@ impl JetStream {
     }
 
     pub async fn begin(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        let (last, sequence) = self.last_record(stream).await?;
+        if last.is_some_and(|last| last.is_in_the_way_of(record)) {
+            return Err(BusError::Conflict);
+        }
+        self.write_record(stream, record, sequence).await
+    }
+
+    pub async fn announce(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
+        loop {
+            let (last, sequence) = self.last_record(stream).await?;
+            if last.is_some_and(|last| !record.follows(&last)) {
+                return Ok(());
+            }
+            match self.write_record(stream, record, sequence).await {
+                // Somebody else was faster: which of both is the later one?
+                Err(BusError::Conflict) => {}
+                written => return written,
+            }
+        }
+    }
+
+    /// A stream's record, if it can be read, and where it is; 0 if there is none.
+    async fn last_record(&self, stream: &str) -> Result<(Option<StreamRecord>, u64), BusError> {
         let subject = self.subject("records", stream);
         let last = self.records.get_last_raw_message_by_subject(&subject).await;
-        let last = match last {
-            Ok(last) => {
-                let known = serde_json::from_slice::<StreamRecord>(&last.payload);
-                if known.is_ok_and(|known| known.is_in_the_way_of(record)) {
-                    return Err(BusError::Conflict);
-                }
-                last.sequence
-            }
-            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => 0,
-            Err(error) => return Err(unavailable(error)),
-        };
+        match last {
+            Ok(last) => Ok((serde_json::from_slice(&last.payload).ok(), last.sequence)),
+            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => Ok((None, 0)),
+            Err(error) => Err(unavailable(error)),
+        }
+    }
+
+    async fn write_record(
+        &self,
+        stream: &str,
+        record: &StreamRecord,
+        behind: u64,
+    ) -> Result<(), BusError> {
+        // Names and numbers, which always serialize.
+        let text = serde_json::to_vec(record).unwrap_or_default();
         let message = PublishMessage::build()
-            .payload(serde_json::to_vec(record).unwrap_or_default().into())
-            .expected_last_subject_sequence(last);
+            .payload(text.into())
+            .expected_last_subject_sequence(behind);
+        let subject = self.subject("records", stream);
         let sent = async { self.context.send_publish(subject, message).await?.await };
         match sent.await {
             Ok(_) => Ok(()),
@@ -321,15 +367,6 @@ impl JetStream {
             }
             Err(error) => Err(unavailable(error)),
         }
-    }
-
-    pub async fn announce(&self, stream: &str, record: &StreamRecord) -> Result<(), BusError> {
-        // Names and numbers, which always serialize.
-        let text = serde_json::to_vec(record).unwrap_or_default();
-        let subject = self.subject("records", stream);
-        let sent = self.context.publish(subject, text.into()).await;
-        sent.map_err(unavailable)?.await.map_err(unavailable)?;
-        Ok(())
     }
 
     pub async fn records(&self) -> Result<Records, BusError> {
@@ -363,7 +400,23 @@ struct Logs {
 }
 
 impl Logs {
-    /// Makes what is not there, or brings it to these options.
+    /// The same, waiting for servers that are not there yet.
+    async fn wait_for(context: &Context, options: &Options) -> Result<Self, BusError> {
+        let began = tokio::time::Instant::now();
+        loop {
+            let error = match Self::ensure(context, options).await {
+                Ok(logs) => return Ok(logs),
+                Err(error) => error,
+            };
+            if START < began.elapsed() {
+                return Err(unavailable(format!("{}: {error}", options.url)));
+            }
+            tracing::warn!(url = options.url, %error, "waiting for the bus");
+            tokio::time::sleep(TIMEOUT).await;
+        }
+    }
+
+    /// Makes what is not there, and brings it to these options.
     async fn ensure(context: &Context, options: &Options) -> Result<Self, BusError> {
         let name = |log: &str| format!("{}_{log}", options.prefix.replace('.', "_"));
         let config = |log: &str| Config {
@@ -392,8 +445,10 @@ impl Logs {
             ..config("records")
         };
         let make = async |config: Config| {
-            let stream = context.get_or_create_stream(config).await;
-            stream.map_err(unavailable)
+            let name = config.name.clone();
+            let made = context.create_or_update_stream(config).await;
+            made.map_err(unavailable)?;
+            context.get_stream(name).await.map_err(unavailable)
         };
         let frames = make(frames).await?;
         let consumer = pull::Config {
@@ -402,7 +457,7 @@ impl Logs {
             ack_wait: options.ack_wait,
             ..pull::Config::default()
         };
-        let workers = frames.get_or_create_consumer("workers", consumer).await;
+        let workers = frames.create_consumer(consumer).await;
         Ok(Self {
             outcomes: make(outcomes).await?,
             records: make(records).await?,

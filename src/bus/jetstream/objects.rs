@@ -6,8 +6,9 @@ use bytes::Bytes;
 use std::sync::Arc;
 use tokio::io::AsyncReadExt;
 use tokio::sync::OnceCell;
+use tokio::time::timeout;
 
-use super::{BusError, Options, unavailable};
+use super::{BusError, Options, TIMEOUT, unavailable};
 
 /// The store, made when the first large body comes.
 #[derive(Clone)]
@@ -30,6 +31,8 @@ impl Objects {
         let config = Config {
             bucket: format!("{}_large", options.prefix.replace('.', "_")),
             max_age: options.max_age * 2,
+            // Beside the logs, which have as much.
+            max_bytes: i64::try_from(options.max_bytes).unwrap_or(i64::MAX),
             num_replicas: options.replicas,
             ..Config::default()
         };
@@ -56,7 +59,9 @@ impl Objects {
             Err(error) => return Err(unavailable(error)),
         };
         let mut body = Vec::new();
-        object.read_to_end(&mut body).await.map_err(unavailable)?;
+        // One that is being taken away at this moment would never end.
+        let read = timeout(TIMEOUT, object.read_to_end(&mut body)).await;
+        read.map_err(unavailable)?.map_err(unavailable)?;
         Ok(Some(Bytes::from(body)))
     }
 

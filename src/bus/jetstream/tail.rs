@@ -44,6 +44,14 @@ impl Tail {
     pub async fn next(&mut self) -> (String, HeaderMap, Bytes) {
         loop {
             let Some(messages) = &mut self.messages else {
+                // A log that was lost and made again begins anew.
+                if let Ok(info) = self.log.get_info().await
+                    && self
+                        .last
+                        .is_some_and(|last| info.state.last_sequence < last)
+                {
+                    self.last = None;
+                }
                 match Self::read(&self.client, &self.log, self.last).await {
                     Ok(messages) => self.messages = Some(messages),
                     Err(error) => {
