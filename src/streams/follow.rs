@@ -9,8 +9,9 @@ use tokio_util::sync::CancellationToken;
 
 use crate::bus::{BusError, Outcomes, Processed, Records, StreamRecord};
 
+use super::parts::Request;
 use super::registry::Origin;
-use super::stream::{Request, Stream};
+use super::stream::Stream;
 use super::{Configured, Registry, StreamName};
 
 /// When nothing has been heard of streams for so long, all that there are have been.

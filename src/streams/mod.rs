@@ -12,6 +12,7 @@ mod history;
 mod intake;
 mod ladder;
 mod name;
+mod parts;
 mod pattern;
 mod publication;
 mod publisher_slot;

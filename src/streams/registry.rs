@@ -22,9 +22,10 @@ use super::StreamName;
 use super::events::{Events, Listener};
 use super::history::HistoryLimits;
 use super::intake::{Incoming, Intake};
+use super::parts::{Parts, Request};
 use super::relay::Relay;
 use super::settings::{Configured, InvalidConfig, StreamRule};
-use super::stream::{Parts, Request, Stream};
+use super::stream::Stream;
 use super::task::Task;
 
 /// How long a stream that a first frame has made is kept if that frame cannot be used: such

@@ -22,8 +22,9 @@ use crate::storage::RawFrame;
 use super::Refused;
 use super::history::Loss;
 use super::intake::Incoming;
+use super::parts::Request;
 use super::relayed::Claim;
-use super::stream::{Request, Stream};
+use super::stream::Stream;
 
 /// Frames that are being checked at a time.
 const READING: usize = 4;

@@ -1,6 +1,6 @@
 //! A live stream, as everybody but its task sees it.
 
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -10,12 +10,13 @@ use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
 
 use crate::stopwatch::microseconds;
-use crate::storage::{RawFrame, Recordings};
+use crate::storage::RawFrame;
 use crate::telemetry::StreamMetrics;
 
 use super::events::{Events, Life};
-use super::history::{Delivered, History, HistoryLimits, Loss, Outcome};
+use super::history::{Delivered, History, Loss, Outcome};
 use super::intake::Intake;
+use super::parts::{Counters, Parts, Position, Request};
 use super::publisher_slot::PublisherSlot;
 use super::relayed::Relayed;
 use super::tape::Tape;
@@ -23,42 +24,6 @@ use super::{Configured, Occupied, Place, Publication, Refused, Seat, Session, St
 
 /// A stream is called live for so long after its last frame.
 const LIVE_FOR: Duration = Duration::from_secs(5);
-
-/// How far a stream has come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Position {
-    /// The newest frame whose outcome is known.
-    pub newest_seq: Option<u64>,
-    /// Why the stream has ended, if it has.
-    pub end: Option<EndReason>,
-}
-
-/// What the task is asked to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Request {
-    /// Go on.
-    Run,
-    /// Finish what has been accepted, and end.
-    Drain,
-    /// End at once.
-    Delete,
-    /// End at once, as other nodes have, which need not be told.
-    Follow,
-    /// End at once because the server does: other nodes go on.
-    Abandon,
-}
-
-#[derive(Debug, Default)]
-pub(super) struct Counters {
-    pub received: AtomicU64,
-    pub published: AtomicU64,
-    pub dropped: AtomicU64,
-    pub rejected: AtomicU64,
-    pub bytes_in: AtomicU64,
-    pub bytes_out: AtomicU64,
-    /// Frames accepted and not out yet.
-    pub queued: AtomicUsize,
-}
 
 /// A live stream. Its task does the work; this is what the task shares with publishers,
 /// subscribers and operators.
@@ -89,30 +54,6 @@ pub struct Stream {
     records_at_once: bool,
     /// The configuration was changed here, which other nodes are to be told.
     changed: Notify,
-}
-
-/// What a stream starts with.
-#[derive(Debug)]
-pub(super) struct Parts {
-    pub name: StreamName,
-    pub configured: Configured,
-    pub history: HistoryLimits,
-    pub subscriber_queue: usize,
-    /// How long a publisher that vanished is expected back.
-    pub linger: Duration,
-    pub metrics: StreamMetrics,
-    /// Where it says what happens to it.
-    pub events: Events,
-    /// Where it is recorded.
-    pub recordings: Option<Arc<Recordings>>,
-    /// When it was made.
-    pub created: SystemTime,
-    /// Which configuration it begins with.
-    pub revision: u64,
-    /// Whether other nodes may have it too.
-    pub is_shared: bool,
-    /// Whether it is recorded from the first; else from its first frame that comes in here.
-    pub records_at_once: bool,
 }
 
 impl Stream {

@@ -7,7 +7,8 @@ use steadymesh_proto::stream::EndReason;
 use tokio::time::Instant;
 
 use super::history::Delivered;
-use super::stream::{Position, Stream};
+use super::parts::Position;
+use super::stream::Stream;
 
 /// What a reader is to be told next.
 #[derive(Debug)]

@@ -35,8 +35,9 @@ use crate::storage::RawFrame;
 use super::history::Loss;
 use super::intake::{Incoming, Refused};
 use super::ladder::Ladder;
+use super::parts::Request;
 use super::settings::Configured;
-use super::stream::{Request, Stream};
+use super::stream::Stream;
 
 /// What a task works with.
 #[derive(Debug)]
