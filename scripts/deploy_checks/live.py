@@ -176,7 +176,7 @@ def start_scaled(processes):
     bus = {"STEADYMESH_BUS__NATS_URL": f"nats://127.0.0.1:{port}"}
     nodes = [start_node(processes, name, **bus) for name in ("gateway-1", "gateway-2", "worker")]
     near, far = (f"http://{node.public}/v1/streams/{SCALED}" for node in nodes[:2])
-    rig = ["publish", near, "--synthetic", "--loop", "--fps", 10, "--vertices", 1000]
+    rig = ["publish", near, "--synthetic", "--loop", "--fps", 5, "--vertices", 1000]
     processes.start("rig-scaled", STEADYMESH, *rig)
     processes.until("frames come out of the other gateway", 60, f"{far}/frames/latest.drc")
     processes.start("player-scaled", STEADYMESH, "subscribe", far)

@@ -31,6 +31,8 @@ use cache::Cache;
 
 /// Frames that wait for their predecessor's outcome; each holds tens of megabytes.
 const MAX_WAITING: usize = 4;
+/// How often it is counted what waits on the bus.
+const COUNT: Duration = Duration::from_secs(5);
 /// Between two attempts to reach a bus that is away.
 const RETRY: Duration = Duration::from_millis(300);
 
@@ -109,6 +111,7 @@ impl Worker {
             async move {
                 tokio::select! {
                     () = shared.board.listen(outcomes, records) => {}
+                    () = count_waiting(&shared) => {}
                     () = board.cancelled() => {}
                 }
             }
@@ -131,6 +134,18 @@ impl Worker {
             .is_err()
         {
             tracing::warn!("frames are left to other workers: they took too long");
+        }
+    }
+}
+
+/// Shows what waits on the bus, which tells whether there are enough workers.
+async fn count_waiting(shared: &Shared) {
+    let mut ticks = tokio::time::interval(COUNT);
+    loop {
+        ticks.tick().await;
+        if let Some(waiting) = shared.bus.waiting().await {
+            let waiting = i64::try_from(waiting).unwrap_or(i64::MAX);
+            shared.telemetry.worker.waiting.set(waiting);
         }
     }
 }

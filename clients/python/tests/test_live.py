@@ -206,6 +206,7 @@ def test_streams_are_configured_and_listed(server: str, url: str) -> None:
         "draco": {"position_bits": 10, "speed": 0},
         "metrics": "off",
         "overload": "live",
+        "record": "off",
     }
     assert info == steadymesh.stream(url)
     assert info.name in [one.name for one in steadymesh.streams(server)]
