@@ -1,9 +1,11 @@
 //! One frame's way through the pool.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use steadymesh_mesh_io::{Format, Limits, ReadError, read};
-use steadymesh_proto::metrics::StageTimes;
+use steadymesh_proto::FrameMetrics;
+use steadymesh_proto::metrics::{Quality, StageTimes};
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
@@ -11,7 +13,7 @@ use crate::pipeline::{
     Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
     StageObserver, UnusableFrame, process_registered, register,
 };
-use crate::stopwatch::Stopwatch;
+use crate::stopwatch::{Stopwatch, microseconds};
 
 /// All that a frame is processed with.
 #[derive(Debug)]
@@ -42,6 +44,38 @@ pub enum Lost {
 
 /// What becomes of a frame.
 pub type Outcome = Result<(ProcessedFrame, StageTimes), Lost>;
+
+/// What is known of a frame beside what the pipeline finds out.
+#[derive(Debug)]
+pub struct Stamps {
+    /// Its number.
+    pub seq: u64,
+    /// When it was captured, in microseconds since 1970, if the rig said so.
+    pub capture_time_us: Option<u64>,
+    /// How much of the processing it got.
+    pub quality: Quality,
+    /// The number of the frame before, if that was there.
+    pub previous_seq: Option<u64>,
+    /// How long each stage took.
+    pub times: StageTimes,
+    /// From its arrival to now.
+    pub latency: Duration,
+}
+
+impl Stamps {
+    /// The complete figures of a frame.
+    #[must_use]
+    pub fn stamp(self, mut metrics: FrameMetrics) -> FrameMetrics {
+        let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
+        metrics.seq = self.seq;
+        metrics.capture_time_us = self.capture_time_us;
+        metrics.quality = self.quality;
+        metrics.reference_seq = self.previous_seq.filter(|_| has_reference);
+        metrics.stage_us = self.times;
+        metrics.latency_us = microseconds(self.latency);
+        metrics
+    }
+}
 
 /// Why a body is not a frame.
 #[derive(Debug, thiserror::Error)]

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "this is test code")]
 
+#[macro_use]
 #[path = "support/nats.rs"]
 mod nats;
 
@@ -15,46 +16,11 @@ use steadymesh::bus::{
 use steadymesh_proto::stream::{DropReason, EndReason, StreamConfig};
 use tokio::time::timeout;
 
-use nats::Nats;
+use nats::{ACK_WAIT, Nats};
 
-/// A worker that has not answered for so long is dead.
-const ACK_WAIT: Duration = Duration::from_millis(700);
 const PATIENCE: Duration = Duration::from_secs(15);
 
-fn options(nats: &Nats) -> Options {
-    Options {
-        url: nats.url(),
-        credentials_file: None,
-        prefix: "test".to_owned(),
-        replicas: 1,
-        ack_wait: ACK_WAIT,
-        max_bytes: 64 << 20,
-        max_age: Duration::from_secs(60),
-    }
-}
-
-/// Every test runs over both.
-macro_rules! contract {
-    ($($name:ident)*) => {
-        mod in_process {
-            use super::*;
-            $(#[tokio::test]
-            async fn $name() {
-                super::$name(Bus::in_process(ACK_WAIT, 1000)).await;
-            })*
-        }
-        mod jet_stream {
-            use super::*;
-            $(#[tokio::test]
-            async fn $name() {
-                let nats = Nats::start();
-                super::$name(Bus::jet_stream(options(&nats)).await.unwrap()).await;
-            })*
-        }
-    };
-}
-
-contract! {
+over_both! {
     frames_are_given_out_in_order_with_everything_known_of_them
     a_frame_that_is_not_answered_for_comes_again
     a_frame_that_is_worked_on_does_not_come_again
@@ -329,7 +295,7 @@ async fn an_empty_log_has_no_last_frame(bus: Bus) {
 #[tokio::test]
 async fn a_body_that_is_larger_than_a_message_goes_by_reference() {
     let nats = Nats::start();
-    let bus = Bus::jet_stream(options(&nats)).await.unwrap();
+    let bus = nats.bus().await;
     let large = Frame {
         body: Bytes::from(vec![7; 3 << 20]),
         ..frame("a", 0, None)
@@ -350,7 +316,7 @@ async fn a_body_that_is_larger_than_a_message_goes_by_reference() {
 #[tokio::test]
 async fn nothing_that_was_stored_is_lost_when_the_server_is_killed() {
     let mut nats = Nats::start();
-    let bus = Bus::jet_stream(options(&nats)).await.unwrap();
+    let bus = nats.bus().await;
     let mut outcomes = bus.outcomes().await.unwrap();
     let appended = append(&bus, "a", 3).await;
     bus.publish(&processed("a", 0)).await.unwrap();
@@ -388,7 +354,7 @@ async fn a_full_log_refuses_and_loses_nothing() {
     let nats = Nats::start();
     let options = Options {
         max_bytes: 1 << 20,
-        ..options(&nats)
+        ..nats.options()
     };
     let bus = Bus::jet_stream(options).await.unwrap();
     let mut predecessor: Option<Predecessor> = None;
@@ -409,4 +375,34 @@ async fn a_full_log_refuses_and_loses_nothing() {
     }
     let first = pull(&bus).await;
     assert_eq!(first.frame.seq, 0);
+}
+
+#[tokio::test]
+async fn a_server_that_has_lost_everything_is_begun_anew_with() {
+    let mut nats = Nats::start();
+    let bus = nats.bus().await;
+    let mut outcomes = bus.outcomes().await.unwrap();
+    for seq in 0..5 {
+        bus.publish(&processed("a", seq)).await.unwrap();
+        assert_eq!(timeout(PATIENCE, outcomes.next()).await.unwrap().seq, seq);
+    }
+    let appended = append(&bus, "a", 3).await;
+    nats.kill();
+    nats.restart_empty();
+    let position = timeout(PATIENCE, async {
+        loop {
+            let behind = bus.last("a").await.ok().flatten();
+            let behind = behind.map(|(position, _)| position);
+            match bus.append(&appended[2].1, behind).await {
+                Ok(position) => return position,
+                Err(_) => tokio::time::sleep(Duration::from_millis(100)).await,
+            }
+        }
+    })
+    .await
+    .unwrap();
+    assert_eq!(pull(&bus).await.position, position);
+    // Whoever listened before hears what comes now, although it is counted from 1 again.
+    bus.publish(&processed("a", 5)).await.unwrap();
+    assert_eq!(timeout(PATIENCE, outcomes.next()).await.unwrap().seq, 5);
 }

@@ -24,7 +24,7 @@ use super::track_writer::{Message, TrackWriter};
 use super::{Options, track_writer};
 
 /// What the room for waiting frames is counted in.
-const ROOM_UNIT: usize = 1024;
+pub(super) const ROOM_UNIT: usize = 1024;
 
 /// A frame as it came in.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! All recordings of a store.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -18,6 +18,7 @@ use super::layout::{Layout, Part, RecordingKey};
 use super::manifest::Manifest;
 use super::options::{MAX_SEGMENT, MIN_SEGMENT};
 use super::reader::{ReadFailed, Recording, summarize};
+use super::recorder::ROOM_UNIT;
 use super::store::{self, Purpose, Store};
 use super::{Options, Recorder, UnusableStore};
 
@@ -35,10 +36,10 @@ pub struct Recordings {
     pub(super) layout: Layout,
     pub(super) options: Arc<Options>,
     telemetry: Arc<Telemetry>,
-    /// For the frames of all recordings that wait to be written, in units of 1 KiB.
+    /// For the frames of all recordings that wait to be written, in [`ROOM_UNIT`]s.
     room: Arc<Semaphore>,
     /// Those that are being made here, and their last breath.
-    live: Arc<Mutex<HashMap<RecordingKey, ()>>>,
+    live: Arc<Mutex<HashSet<RecordingKey>>>,
     opened: Mutex<HashMap<RecordingKey, (Instant, Arc<Recording>)>>,
 }
 
@@ -80,7 +81,7 @@ impl Recordings {
 
     fn within(store: Store, options: Options, telemetry: Arc<Telemetry>) -> Self {
         // More would panic in the semaphore.
-        let units = (options.queue_bytes / 1024).clamp(1, Semaphore::MAX_PERMITS);
+        let units = (options.queue_bytes / ROOM_UNIT).clamp(1, Semaphore::MAX_PERMITS);
         Self {
             layout: Layout::new(store.root.clone()),
             store,
@@ -104,7 +105,7 @@ impl Recordings {
             (stream, record, config),
         );
         let (live, key) = (Arc::clone(&self.live), recorder.key().clone());
-        lock(&live).insert(key.clone(), ());
+        lock(&live).insert(key.clone());
         let finished = recorder.finished();
         tokio::spawn(async move {
             finished.await;
@@ -115,7 +116,7 @@ impl Recordings {
 
     /// Whether a recording is being made here.
     pub(super) fn is_live(&self, key: &RecordingKey) -> bool {
-        lock(&self.live).contains_key(key)
+        lock(&self.live).contains(key)
     }
 
     /// What there is, of one stream or of all, by stream and then by time.

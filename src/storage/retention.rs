@@ -40,6 +40,14 @@ struct Objects {
     newest_us: u64,
 }
 
+impl Objects {
+    /// Whether nothing has been added for so long that nobody will.
+    fn is_old(&self, now_us: u64) -> bool {
+        let until = self.newest_us.saturating_add(ABANDONED.as_micros() as u64);
+        until < now_us
+    }
+}
+
 impl Recordings {
     /// Takes away what is to go, every `Options::sweep_interval`, until `stop`.
     pub async fn keep_tidy(self: Arc<Self>, stop: CancellationToken) {
@@ -60,7 +68,9 @@ impl Recordings {
         self.remove_leftovers(now).await;
         let now_us = unix_us(now);
         let mut recordings = self.objects().await?;
-        for (key, part) in to_remove(&recordings, &self.limits(now_us), |key| self.is_live(key)) {
+        let live = self.that_go_on(&recordings, now_us).await?;
+        let goes_on = |key: &RecordingKey| live.contains(key);
+        for (key, part) in to_remove(&recordings, &self.limits(now_us), goes_on) {
             let Some(objects) = recordings.get_mut(&key) else {
                 continue;
             };
@@ -74,21 +84,40 @@ impl Recordings {
             // The index before what it points at.
             self.remove(batch.page.into_iter().collect()).await?;
             self.remove(batch.segments).await?;
-            if objects.batches.is_empty() && !self.is_live(&key) {
+            if objects.batches.is_empty() && !goes_on(&key) {
                 self.remove(objects.manifest.take().into_iter().collect())
                     .await?;
             }
         }
         for (key, objects) in recordings {
-            let is_old = objects
-                .newest_us
-                .saturating_add(ABANDONED.as_micros() as u64)
-                < now_us;
-            if is_old && objects.manifest.is_some() && !self.is_live(&key) {
+            if objects.is_old(now_us) && objects.manifest.is_some() && !goes_on(&key) {
                 self.close_abandoned(&key).await?;
             }
         }
         Ok(())
+    }
+
+    /// Recordings that somebody adds to: this server, or another that shares the store.
+    async fn that_go_on(
+        &self,
+        recordings: &BTreeMap<RecordingKey, Objects>,
+        now_us: u64,
+    ) -> Result<BTreeSet<RecordingKey>, ReadFailed> {
+        let mut live = BTreeSet::new();
+        for (key, objects) in recordings {
+            let goes_on = self.is_live(key)
+                || !objects.is_old(now_us)
+                    && match Manifest::read(&self.store, &self.layout, key).await {
+                        Ok(manifest) => manifest.end.is_none(),
+                        // Deleted meanwhile.
+                        Err(ReadFailed::NoRecording { .. }) => false,
+                        Err(error) => return Err(error),
+                    };
+            if goes_on {
+                live.insert(key.clone());
+            }
+        }
+        Ok(live)
     }
 
     fn limits(&self, now_us: u64) -> Limits {

@@ -311,3 +311,19 @@ async fn what_a_killed_server_had_begun_to_write_is_removed() {
     place.recordings.sweep(later).await.unwrap();
     assert!(!staged.exists());
 }
+
+#[tokio::test]
+async fn what_another_server_is_writing_stays() {
+    let place = place(|options| options.max_bytes = Some(1));
+    let recorder = place.record();
+    send(&recorder, 0);
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    // Another server with the same folder.
+    let options = (*place.recordings.options).clone();
+    let other = Recordings::open(options, Arc::new(Telemetry::new().unwrap())).unwrap();
+    other.sweep(SystemTime::now()).await.unwrap();
+    assert_eq!(place.files(".segment").len(), 1);
+    end(&recorder).await;
+    other.sweep(SystemTime::now()).await.unwrap();
+    assert!(place.files("").is_empty());
+}

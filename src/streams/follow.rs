@@ -54,7 +54,7 @@ impl Registry {
                     let stream = self.hear_of(&name, &record);
                     // Its newest frame, which may have been heard of before it.
                     match (stream, last.get(&name)) {
-                        (Some(stream), Some(outcome)) => stream.take_outcome(outcome),
+                        (Some(stream), Some(outcome)) => stream.take_outcome(outcome.clone()),
                         (Some(_), None) => {}
                         (None, _) => _ = last.remove(&name),
                     }
@@ -62,7 +62,7 @@ impl Registry {
                 outcome = outcomes.next() => {
                     let name = StreamName::parse(&outcome.stream).ok();
                     if let Some(stream) = name.and_then(|name| self.get(&name)) {
-                        stream.take_outcome(&outcome);
+                        stream.take_outcome(outcome.clone());
                     }
                     last.insert(outcome.stream.clone(), outcome);
                 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use steadymesh_proto::{DeliveredFrame, FrameMetrics};
+use steadymesh_proto::{DeliveredFrame, FrameMetrics, InvalidDeliveredFrame};
 
 /// A frame that is out.
 #[derive(Debug)]
@@ -17,6 +17,40 @@ pub struct Delivered {
     pub mesh: Bytes,
     /// How many frames of the stream came out before this one.
     ordinal: u64,
+}
+
+/// A frame as it is delivered.
+#[derive(Debug)]
+pub(super) struct Encoded {
+    metrics: FrameMetrics,
+    message: Bytes,
+    mesh: Bytes,
+}
+
+impl Encoded {
+    /// Encodes what was made here.
+    pub fn new(metrics: FrameMetrics, draco: &[u8]) -> Self {
+        let frame = DeliveredFrame {
+            metrics,
+            mesh: draco,
+        };
+        let message = Bytes::from(frame.encode());
+        Self {
+            mesh: message.slice(message.len() - draco.len()..),
+            message,
+            metrics: frame.metrics,
+        }
+    }
+
+    /// Reads what was encoded elsewhere.
+    pub fn read(message: Bytes) -> Result<Self, InvalidDeliveredFrame> {
+        let DeliveredFrame { metrics, mesh } = DeliveredFrame::decode(&message)?;
+        Ok(Self {
+            metrics,
+            mesh: message.slice_ref(mesh),
+            message,
+        })
+    }
 }
 
 /// Why a frame that had been accepted did not come out.
@@ -95,17 +129,12 @@ impl History {
             || (self.limits.bytes < self.bytes && newest() < self.bytes)
     }
 
-    /// Encodes a frame and adds it.
-    pub fn deliver(&mut self, metrics: FrameMetrics, draco: &[u8]) -> Arc<Delivered> {
-        let frame = DeliveredFrame {
-            metrics,
-            mesh: draco,
-        };
-        let message = Bytes::from(frame.encode());
+    /// Adds a frame that is out.
+    pub fn deliver(&mut self, frame: Encoded) -> Arc<Delivered> {
         let delivered = Arc::new(Delivered {
-            mesh: message.slice(message.len() - draco.len()..),
-            message,
             metrics: frame.metrics,
+            message: frame.message,
+            mesh: frame.mesh,
             ordinal: self.delivered,
         });
         self.delivered += 1;
@@ -181,7 +210,8 @@ mod tests {
             seq,
             ..FrameMetrics::default()
         };
-        history.deliver(metrics, format!("mesh {seq}").as_bytes())
+        let draco = format!("mesh {seq}");
+        history.deliver(Encoded::new(metrics, draco.as_bytes()))
     }
 
     #[test]

@@ -9,7 +9,6 @@ use futures_util::StreamExt;
 use futures_util::future::{BoxFuture, FutureExt};
 use futures_util::stream::FuturesOrdered;
 use steadymesh_mesh_io::Limits;
-use steadymesh_proto::DeliveredFrame;
 use steadymesh_proto::stream::{Accepted, DropReason, EndReason};
 use tokio::sync::{mpsc, watch};
 
@@ -20,7 +19,7 @@ use crate::stopwatch::microseconds;
 use crate::storage::RawFrame;
 
 use super::Refused;
-use super::history::Loss;
+use super::history::{Encoded, Loss};
 use super::intake::Incoming;
 use super::parts::Request;
 use super::relayed::Claim;
@@ -32,12 +31,10 @@ const READING: usize = 4;
 const PATIENCE: Duration = Duration::from_secs(7);
 /// Between two attempts to reach it.
 const RETRY: Duration = Duration::from_millis(200);
-
 /// How often it is looked whether a frame is gone whose outcome does not come.
 const LOOK: Duration = Duration::from_secs(5);
 /// A stream that is another gateway's is ended if that does not do it for so many times as long.
 const OF_OTHERS: u32 = 4;
-
 /// Between two attempts to be the next.
 const CONFLICT: Duration = Duration::from_millis(5);
 
@@ -72,6 +69,8 @@ struct Last {
     is_known: bool,
     /// The bus did not answer for so long that nobody waits for it any more.
     is_away: bool,
+    /// The bus has failed since other nodes were told of the stream.
+    is_in_doubt: bool,
 }
 
 impl Relay {
@@ -188,15 +187,16 @@ impl Relay {
         if let Ok(None) = self.bus.frame(position).await {
             // Its outcome may be on its way.
             tokio::time::sleep(RETRY).await;
-            if self
-                .stream
-                .newest_outcome()
-                .is_none_or(|newest| newest < seq)
-            {
-                tracing::error!(stream = %self.stream.name(), seq, "frame lost: it is on the bus no more");
-                let arrived = self.stream.relayed().settle(seq);
-                let after = arrived.map_or(LOOK, |arrived| arrived.elapsed());
-                self.stream.lose(seq, Loss::Failed, after);
+            let stream = &self.stream;
+            if stream.newest_outcome() < Some(seq) {
+                tracing::error!(stream = %stream.name(), seq, "frame lost: it is on the bus no more");
+                // As if a worker had said so.
+                stream.take_outcome(Processed {
+                    stream: stream.name().to_string(),
+                    instance: stream.created_us(),
+                    seq,
+                    outcome: Outcome::Lost(DropReason::Failed),
+                });
             }
         }
     }
@@ -320,8 +320,7 @@ impl Relay {
                     });
                 }
                 let queued = stream.relayed().len();
-                stream.counters.queued.store(queued, Relaxed);
-                stream.metrics().queued.set(queued as i64);
+                stream.show_queued(queued);
                 Ok(Accepted {
                     seq: frame.seq,
                     queued,
@@ -347,13 +346,13 @@ impl Relay {
     ) -> Result<bool, Refused> {
         let (began, mut claim) = (Instant::now(), Some(claim));
         // Chosen once: an attempt whose answer was lost must not become two frames.
-        let mut asked = asked;
-        let chosen_by_rig = asked.is_some();
+        let mut chosen = asked;
         loop {
-            match self.try_store(frame, asked, last, &mut claim).await {
+            match self.try_store(frame, chosen, last, &mut claim).await {
                 Ok(is_new) => {
-                    if std::mem::take(&mut last.is_away) {
-                        // It may have lost what it was told.
+                    last.is_away = false;
+                    if std::mem::take(&mut last.is_in_doubt) {
+                        // The bus may have lost what it was told.
                         self.announce(None).await;
                     }
                     return Ok(is_new);
@@ -361,19 +360,17 @@ impl Relay {
                 Err(Attempt::Refused(refused)) => return Err(refused),
                 // Others were faster: behind them.
                 Err(Attempt::Bus(BusError::Conflict)) if began.elapsed() < PATIENCE => {
-                    last.is_known = false;
-                    if !chosen_by_rig {
-                        asked = None;
-                    }
+                    (last.is_known, chosen) = (false, asked);
                     tokio::time::sleep(CONFLICT).await;
                 }
                 Err(Attempt::Bus(BusError::Full)) => return Err(Refused::QueueFull),
                 Err(Attempt::Bus(error)) => {
+                    last.is_in_doubt = true;
                     if last.is_away || PATIENCE < began.elapsed() {
                         (last.is_known, last.is_away) = (false, true);
                         return Err(Refused::BusAway(error.to_string()));
                     }
-                    asked = asked.or(Some(frame.seq).filter(|_| last.is_known));
+                    chosen = chosen.or(Some(frame.seq).filter(|_| last.is_known));
                     tokio::time::sleep(RETRY).await;
                 }
             }
@@ -424,7 +421,6 @@ impl Relay {
         relayed.stored(seq, position);
         last.position = Some(position);
         last.predecessor = Some(Predecessor { position, seq });
-
         Ok(true)
     }
 
@@ -454,25 +450,18 @@ enum Attempt {
 
 impl Stream {
     /// Takes what became of a frame that was on the bus.
-    pub(super) fn take_outcome(&self, processed: &Processed) {
+    pub(super) fn take_outcome(&self, processed: Processed) {
         let seq = processed.seq;
-        let is_known = self.newest_outcome().is_some_and(|newest| seq <= newest);
-        if processed.instance != self.created_us() || is_known {
+        if processed.instance != self.created_us() || Some(seq) <= self.newest_outcome() {
             return;
         }
         // Those of other gateways too.
         self.is_known_to(Some(seq));
         let arrived = self.relayed().settle(seq);
-        let queued = self.relayed().len();
-        self.counters.queued.store(queued, Relaxed);
-        self.metrics().queued.set(queued as i64);
-        let loss = match &processed.outcome {
-            Outcome::Delivered(message) => match DeliveredFrame::decode(message) {
-                Ok(frame) => {
-                    let metrics = frame.metrics.clone();
-                    self.deliver_relayed(metrics, frame.mesh, arrived.is_some());
-                    return;
-                }
+        self.show_queued(self.relayed().len());
+        let loss = match processed.outcome {
+            Outcome::Delivered(message) => match Encoded::read(message) {
+                Ok(frame) => return self.deliver_relayed(frame, arrived.is_some()),
                 Err(error) => {
                     tracing::error!(stream = %self.name(), seq, %error, "an outcome cannot be read");
                     Loss::Failed
@@ -481,7 +470,6 @@ impl Stream {
             Outcome::Lost(DropReason::Overload) => Loss::Overload,
             Outcome::Lost(_) => Loss::Failed,
         };
-        let after = arrived.map_or(Duration::ZERO, |arrived| arrived.elapsed());
-        self.lose(seq, loss, after);
+        self.lose(seq, loss, arrived.map(|arrived| arrived.elapsed()));
     }
 }

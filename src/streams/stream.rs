@@ -4,7 +4,6 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::stream::{EndReason, StreamCounters, StreamState, StreamSummary};
 use tokio::sync::{Notify, watch};
 use tokio_util::sync::CancellationToken;
@@ -14,7 +13,7 @@ use crate::storage::RawFrame;
 use crate::telemetry::StreamMetrics;
 
 use super::events::{Events, Life};
-use super::history::{Delivered, History, Loss, Outcome};
+use super::history::{Delivered, Encoded, History, Loss, Outcome};
 use super::intake::Intake;
 use super::parts::{Counters, Parts, Position, Request};
 use super::publisher_slot::PublisherSlot;
@@ -390,14 +389,20 @@ impl Stream {
     }
 
     /// Makes a frame known that was processed elsewhere; it is recorded where it was accepted.
-    pub(super) fn deliver_relayed(&self, metrics: FrameMetrics, draco: &[u8], is_own: bool) {
+    pub(super) fn deliver_relayed(&self, frame: Encoded, is_own: bool) {
         *lock(&self.last_outcome) = Some(Instant::now());
-        self.make_known(metrics, draco, is_own);
+        self.make_known(frame, is_own);
     }
 
     /// Makes a frame known to readers and to whoever waits for it.
-    pub(super) fn deliver(&self, metrics: FrameMetrics, draco: &[u8]) -> Arc<Delivered> {
-        self.make_known(metrics, draco, true)
+    pub(super) fn deliver(&self, frame: Encoded) {
+        self.make_known(frame, true);
+    }
+
+    /// Shows how many frames are accepted and not out yet.
+    pub(super) fn show_queued(&self, queued: usize) {
+        self.counters.queued.store(queued, Relaxed);
+        self.metrics.queued.set(queued as i64);
     }
 
     /// How long ago it was made, or heard of.
@@ -416,8 +421,8 @@ impl Stream {
         last.map(|last| last.elapsed())
     }
 
-    fn make_known(&self, metrics: FrameMetrics, draco: &[u8], records: bool) -> Arc<Delivered> {
-        let frame = self.history().deliver(metrics, draco);
+    fn make_known(&self, frame: Encoded, records: bool) {
+        let frame = self.history().deliver(frame);
         if self.counters.published.fetch_add(1, Relaxed) == 0 {
             let seq = frame.metrics.seq;
             self.events.life(&self.name, Life::Started { seq });
@@ -428,14 +433,14 @@ impl Stream {
         }
         self.counters
             .bytes_out
-            .fetch_add(draco.len() as u64, Relaxed);
+            .fetch_add(frame.mesh.len() as u64, Relaxed);
         self.metrics.observe(&frame.metrics);
         self.advance();
-        frame
     }
 
-    /// Makes it known that an accepted frame will not come out.
-    pub(super) fn lose(&self, seq: u64, loss: Loss, after: Duration) {
+    /// Makes it known that an accepted frame will not come out; `after` which time, if it was accepted
+    /// here.
+    pub(super) fn lose(&self, seq: u64, loss: Loss, after: Option<Duration>) {
         self.history().push(seq, Outcome::Lost(loss));
         self.counters.dropped.fetch_add(1, Relaxed);
         self.metrics.lost(loss.as_str(), after);

@@ -28,11 +28,10 @@ use tracing::{Instrument, Span};
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{Output, PreparedFrame};
-use crate::processing::{Job, Lost, Outcome, prepare};
-use crate::stopwatch::microseconds;
+use crate::processing::{self, Job, Lost, Outcome, prepare};
 use crate::storage::RawFrame;
 
-use super::history::Loss;
+use super::history::{Encoded, Loss};
 use super::intake::{Incoming, Refused};
 use super::ladder::Ladder;
 use super::parts::Request;
@@ -96,7 +95,7 @@ struct Waiting {
 /// A frame that has been started on, or given up.
 struct Done {
     stamps: Stamps,
-    reference_seq: Option<u64>,
+    previous_seq: Option<u64>,
     quality: Quality,
     span: Span,
     outcome: Outcome,
@@ -310,7 +309,7 @@ impl Task {
         if let Some(oldest) = state.waiting.pop_front() {
             let done = Done {
                 stamps: oldest.stamps,
-                reference_seq: None,
+                previous_seq: None,
                 quality: Quality::default(),
                 span: oldest.span,
                 outcome: Err(Lost::Overload),
@@ -365,7 +364,7 @@ impl Task {
                 }
                 Done {
                     stamps,
-                    reference_seq: previous_seq,
+                    previous_seq,
                     quality,
                     span,
                     outcome,
@@ -378,7 +377,7 @@ impl Task {
     fn finish(&self, done: Done, state: &mut State) {
         let Done {
             stamps,
-            reference_seq,
+            previous_seq,
             quality,
             outcome,
             ..
@@ -391,15 +390,16 @@ impl Task {
         }
         let loss = match outcome {
             Ok((processed, times)) => {
-                let mut metrics = processed.metrics;
-                metrics.seq = stamps.seq;
-                metrics.quality = quality;
-                metrics.capture_time_us = stamps.capture_time_us;
-                let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
-                metrics.reference_seq = reference_seq.filter(|_| has_reference);
-                metrics.stage_us = times;
-                metrics.latency_us = microseconds(stamps.arrived.elapsed());
-                stream.deliver(metrics, &processed.draco);
+                let stamps = processing::Stamps {
+                    seq: stamps.seq,
+                    capture_time_us: stamps.capture_time_us,
+                    quality,
+                    previous_seq,
+                    times,
+                    latency: stamps.arrived.elapsed(),
+                };
+                let metrics = stamps.stamp(processed.metrics);
+                stream.deliver(Encoded::new(metrics, &processed.draco));
                 return;
             }
             Err(Lost::Overload) => Loss::Overload,
@@ -412,7 +412,7 @@ impl Task {
                 Loss::Failed
             }
         };
-        stream.lose(stamps.seq, loss, stamps.arrived.elapsed());
+        stream.lose(stamps.seq, loss, Some(stamps.arrived.elapsed()));
     }
 }
 

@@ -317,9 +317,9 @@ impl StreamMetrics {
         }
     }
 
-    /// Counts a frame that was lost `after` it had arrived. It is in the histogram of
-    /// latencies too, so that losing frames does not make it look better.
-    pub fn lost(&self, reason: &str, after: Duration) {
+    /// Counts a frame that was lost `after` it had arrived, if that is known. It is in the histogram
+    /// of latencies too, so that losing frames does not make it look better.
+    pub fn lost(&self, reason: &str, after: Option<Duration>) {
         if !self.owner.holds() {
             return;
         }
@@ -327,7 +327,9 @@ impl StreamMetrics {
             .dropped
             .with_label_values(&[self.owner.name(), reason])
             .inc();
-        self.latency.observe(after.as_secs_f64());
+        if let Some(after) = after {
+            self.latency.observe(after.as_secs_f64());
+        }
     }
 
     fn show_distances(&self, family: &GaugeVec, distances: Option<&DistancePair>, diagonal: f64) {

@@ -7,15 +7,14 @@ use bytes::Bytes;
 use steadymesh_mesh_io::Format;
 use steadymesh_proto::DeliveredFrame;
 use steadymesh_proto::metrics::{Quality, StageTimes};
-use steadymesh_proto::stream::{DropReason, Overload};
+use steadymesh_proto::stream::{DropReason, Overload, StreamConfig};
+use tokio::sync::OwnedSemaphorePermit;
 
 use crate::bus::{BusError, Frame, Job, Outcome, Position, Processed};
 use crate::compute::Length;
-use crate::pipeline::{Output, PreparedFrame, ProcessedFrame};
-use crate::processing::{self, Lost, prepare};
-use crate::stopwatch::microseconds;
+use crate::pipeline::{Output, PreparedFrame, Settings};
+use crate::processing::{self, Lost, Stamps, prepare};
 use crate::streams::Configured;
-use tokio::sync::OwnedSemaphorePermit;
 
 use super::board::Fate;
 use super::{Permits, RETRY, Shared};
@@ -32,7 +31,9 @@ enum Stop {
     /// It is known already what became of it, or nobody wants to know.
     NotWanted,
     /// Another attempt may do better.
-    Later(String),
+    Later(&'static str),
+    /// No attempt will: it cannot be read.
+    Unreadable(String),
     /// The bus is away.
     Bus(BusError),
 }
@@ -45,7 +46,6 @@ impl From<BusError> for Stop {
 
 /// What a frame is processed with.
 struct Inputs {
-    configured: Configured,
     frame: Arc<PreparedFrame>,
     times: StageTimes,
     previous: Option<(Position, u64, Arc<PreparedFrame>)>,
@@ -87,6 +87,8 @@ pub(super) async fn handle(shared: &Shared, job: Job, permits: Permits) {
             Ok(())
         }
         Err(Stop::Bus(error)) => Err(error),
+        // Has become an outcome before.
+        Err(Stop::Unreadable(_)) => Ok(()),
     };
     if let Err(error) = answered {
         tracing::debug!(%stream, seq, %error, "a frame will come again");
@@ -95,44 +97,24 @@ pub(super) async fn handle(shared: &Shared, job: Job, permits: Permits) {
 
 async fn process(shared: &Shared, job: &Job, permit: OwnedSemaphorePermit) -> Result<(), Stop> {
     let frame = &job.frame;
-    let record = shared.board.record(&frame.stream, frame.instance);
-    let record = tokio::time::timeout(UNKNOWN, record).await;
-    let record = record.map_err(|_| Stop::Later("nobody has announced its stream".to_owned()))?;
-    let is_over = record.instance == frame.instance && record.ended.is_some();
-    if is_over || frame.instance < record.instance {
-        return Err(Stop::NotWanted);
-    }
-    let fate = shared.board.fate(&frame.stream, frame.instance, frame.seq);
-    if fate != Fate::Open {
-        return Err(Stop::NotWanted);
-    }
-    let age = age(frame);
-    let configured = Configured::new(&[&record.config], shared.options.limits.max_faces);
-    let is_live = record.config.overload == Some(Overload::Live);
-    let lost = if MAX_DELIVERIES < job.deliveries {
-        tracing::error!(
-            stream = %frame.stream, seq = frame.seq, deliveries = job.deliveries,
-            "frame lost: no worker survives it"
-        );
-        Some(DropReason::Failed)
-    } else if is_live && shared.options.live_max_age < age {
-        Some(DropReason::Overload)
-    } else {
-        None
+    let config = wanted(shared, frame).await?;
+    let computed = match Configured::new(&[&config], shared.options.limits.max_faces) {
+        Err(error) => {
+            tracing::error!(stream = %frame.stream, %error, "its configuration cannot be used");
+            Err(DropReason::Failed)
+        }
+        Ok(configured) => match reason_to_leave(shared, job, &configured) {
+            Some(reason) => Err(reason),
+            None => compute(shared, job, &configured, permit).await?,
+        },
     };
-    let outcome = match (lost, configured) {
-        (Some(reason), _) => {
-            drop(permit);
+    let outcome = match computed {
+        Ok(message) => Outcome::Delivered(message),
+        Err(reason) => {
+            // In its turn, like any other.
             await_turn(shared, frame).await?;
             Outcome::Lost(reason)
         }
-        (None, Err(error)) => {
-            tracing::error!(stream = %frame.stream, %error, "its configuration cannot be used");
-            drop(permit);
-            await_turn(shared, frame).await?;
-            Outcome::Lost(DropReason::Failed)
-        }
-        (None, Ok(configured)) => compute(shared, job, configured, permit, age).await?,
     };
     let processed = Processed {
         stream: frame.stream.clone(),
@@ -146,42 +128,62 @@ async fn process(shared: &Shared, job: &Job, permit: OwnedSemaphorePermit) -> Re
     Ok(())
 }
 
-/// Registers at once, then waits for its turn, then does the rest.
+/// How the frame's stream is configured, if it is still wanted that something becomes of the frame.
+async fn wanted(shared: &Shared, frame: &Frame) -> Result<StreamConfig, Stop> {
+    let record = shared.board.record(&frame.stream, frame.instance);
+    let record = tokio::time::timeout(UNKNOWN, record).await;
+    let record = record.map_err(|_| Stop::Later("nobody has announced its stream"))?;
+    let is_over = record.instance == frame.instance && record.ended.is_some();
+    let fate = shared.board.fate(&frame.stream, frame.instance, frame.seq);
+    if is_over || frame.instance < record.instance || fate != Fate::Open {
+        return Err(Stop::NotWanted);
+    }
+    Ok(record.config)
+}
+
+/// Why a frame is not worked on.
+fn reason_to_leave(shared: &Shared, job: &Job, configured: &Configured) -> Option<DropReason> {
+    let Frame { stream, seq, .. } = &job.frame;
+    if MAX_DELIVERIES < job.deliveries {
+        let deliveries = job.deliveries;
+        tracing::error!(%stream, seq, deliveries, "frame lost: no worker survives it");
+        return Some(DropReason::Failed);
+    }
+    let is_late = shared.options.live_max_age < age(&job.frame);
+    (configured.overload == Overload::Live && is_late).then_some(DropReason::Overload)
+}
+
+/// Registers at once, then waits for its turn, then does the rest. Gives the message that players
+/// get, or why there is none.
 async fn compute(
     shared: &Shared,
     job: &Job,
-    configured: Configured,
+    configured: &Configured,
     permit: OwnedSemaphorePermit,
-    age: Duration,
-) -> Result<Outcome, Stop> {
+) -> Result<Result<Bytes, DropReason>, Stop> {
     let frame = &job.frame;
-    let quality = quality(&configured, age, shared.options.live_max_age);
-    let inputs = match inputs(shared, job, configured, quality).await {
+    let quality = quality(configured, age(frame), shared.options.live_max_age);
+    let settings = configured.settings.at(quality);
+    let inputs = match inputs(shared, job, &settings).await {
         Ok(inputs) => inputs,
-        Err(Stop::Later(reason)) => {
+        Err(Stop::Unreadable(reason)) => {
             tracing::error!(stream = %frame.stream, seq = frame.seq, reason, "frame lost");
-            drop(permit);
-            await_turn(shared, frame).await?;
-            return Ok(Outcome::Lost(DropReason::Failed));
+            return Ok(Err(DropReason::Failed));
         }
         Err(stop) => return Err(stop),
     };
     let previous = inputs.previous.as_ref();
-    let reference_seq = previous.map(|(_, seq, _)| *seq);
+    let previous_seq = previous.map(|(_, seq, _)| *seq);
     let mut work = processing::Job {
         pool: Arc::clone(&shared.pool),
-        settings: inputs.configured.settings.at(quality),
-        frame: Arc::clone(&inputs.frame),
+        settings,
+        frame: inputs.frame,
         previous: previous.map(|(_, _, frame)| Arc::clone(frame)),
-        times: inputs.times.clone(),
+        times: inputs.times,
     };
     let registration = match work.register().await {
         Ok(registration) => registration,
-        Err(lost) => {
-            drop(permit);
-            await_turn(shared, frame).await?;
-            return Ok(failed(frame, &lost));
-        }
+        Err(lost) => return Ok(Err(failed(frame, &lost))),
     };
     drop(permit);
     let before = await_turn(shared, frame).await?;
@@ -194,41 +196,39 @@ async fn compute(
         }
         _ => None,
     };
-    Ok(match work.finish(registration, output).await {
-        Ok((processed, times)) => {
-            shared.cache.keep_output(job.position, &processed.output);
-            let extra = Extra {
-                quality,
-                reference_seq,
-                times,
-            };
-            Outcome::Delivered(message(frame, processed, extra, &shared.telemetry))
-        }
-        Err(lost) => failed(frame, &lost),
-    })
+    let (processed, times) = match work.finish(registration, output).await {
+        Ok(done) => done,
+        Err(lost) => return Ok(Err(failed(frame, &lost))),
+    };
+    shared.cache.keep_output(job.position, &processed.output);
+    let stamps = Stamps {
+        seq: frame.seq,
+        capture_time_us: frame.capture_time_us,
+        quality,
+        previous_seq,
+        times,
+        latency: age(frame),
+    };
+    let metrics = stamps.stamp(processed.metrics);
+    shared.telemetry.worker.processed(&metrics);
+    let mesh = &processed.draco;
+    Ok(Ok(DeliveredFrame { metrics, mesh }.encode().into()))
 }
 
-fn failed(frame: &Frame, lost: &Lost) -> Outcome {
+fn failed(frame: &Frame, lost: &Lost) -> DropReason {
     tracing::error!(stream = %frame.stream, seq = frame.seq, ?lost, "frame lost");
-    Outcome::Lost(DropReason::Failed)
+    DropReason::Failed
 }
 
 /// The frame and its predecessor, from this worker's memory or from the bus.
-/// [`Stop::Later`] is a frame that cannot be read at all.
-async fn inputs(
-    shared: &Shared,
-    job: &Job,
-    configured: Configured,
-    quality: Quality,
-) -> Result<Inputs, Stop> {
+async fn inputs(shared: &Shared, job: &Job, settings: &Settings) -> Result<Inputs, Stop> {
     let read = async |frame: &Frame, position: Position| {
-        let (prepared, times) = prepared(shared, frame).await.map_err(Stop::Later)?;
+        let (prepared, times) = prepared(shared, frame).await.map_err(Stop::Unreadable)?;
         shared.cache.keep_frame(position, &prepared);
         Ok::<_, Stop>((prepared, times))
     };
     let (frame, times) = read(&job.frame, job.position).await?;
-    let registers = configured.settings.at(quality).registers();
-    let previous = match job.frame.predecessor.filter(|_| registers) {
+    let previous = match job.frame.predecessor.filter(|_| settings.registers()) {
         None => None,
         Some(before) => match shared.cache.frame(before.position) {
             Some(previous) => Some((before.position, before.seq, previous)),
@@ -243,7 +243,6 @@ async fn inputs(
         },
     };
     Ok(Inputs {
-        configured,
         frame,
         times,
         previous,
@@ -334,33 +333,6 @@ async fn output(shared: &Shared, position: Option<Position>, message: Bytes) -> 
         Output::decode(frame.mesh).ok()
     };
     shared.pool.run(Length::Short, decode).await.ok().flatten()
-}
-
-/// What only the worker knows of a frame.
-struct Extra {
-    quality: Quality,
-    reference_seq: Option<u64>,
-    times: StageTimes,
-}
-
-/// The message that players get.
-fn message(
-    frame: &Frame,
-    processed: ProcessedFrame,
-    extra: Extra,
-    telemetry: &crate::telemetry::Telemetry,
-) -> Bytes {
-    let mut metrics = processed.metrics;
-    metrics.seq = frame.seq;
-    metrics.capture_time_us = frame.capture_time_us;
-    metrics.quality = extra.quality;
-    let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
-    metrics.reference_seq = extra.reference_seq.filter(|_| has_reference);
-    metrics.stage_us = extra.times;
-    metrics.latency_us = microseconds(age(frame));
-    telemetry.worker.processed(&metrics);
-    let mesh = &processed.draco;
-    Bytes::from(DeliveredFrame { metrics, mesh }.encode())
 }
 
 /// How long ago a frame was received, by this machine's clock; nothing if that is behind.

@@ -5,37 +5,14 @@ use std::time::Duration;
 
 use reqwest::StatusCode;
 use serde_json::{Value, json};
-use steadymesh::bus::{Bus, Options};
+use steadymesh::bus::Bus;
 use steadymesh::compute::ComputePool;
 use steadymesh::config::Config;
 use steadymesh::telemetry::Telemetry;
 use steadymesh::worker::Worker;
 
-use crate::nats::Nats;
+use crate::nats::{ACK_WAIT, Nats};
 use crate::support::{TestServer, frames, problem, start, start_on};
-
-const ACK_WAIT: Duration = Duration::from_millis(600);
-
-/// Every test runs over the bus in memory and over NATS.
-macro_rules! over_both {
-    ($($name:ident)*) => {
-        mod in_process {
-            use super::*;
-            $(#[tokio::test]
-            async fn $name() {
-                super::$name(Bus::in_process(ACK_WAIT, 100)).await;
-            })*
-        }
-        mod jet_stream {
-            use super::*;
-            $(#[tokio::test]
-            async fn $name() {
-                let nats = Nats::start();
-                super::$name(Bus::jet_stream(options(&nats)).await.unwrap()).await;
-            })*
-        }
-    };
-}
 
 over_both! {
     two_workers_make_what_one_node_makes
@@ -45,18 +22,6 @@ over_both! {
     what_is_wrong_with_a_frame_is_heard_at_the_gateway
     a_gateway_that_stops_leaves_its_streams_to_others
     a_burst_through_two_gateways_comes_out_whole
-}
-
-fn options(nats: &Nats) -> Options {
-    Options {
-        url: nats.url(),
-        credentials_file: None,
-        prefix: "test".to_owned(),
-        replicas: 1,
-        ack_wait: ACK_WAIT,
-        max_bytes: 64 << 20,
-        max_age: Duration::from_secs(60),
-    }
 }
 
 async fn worker(bus: &Bus) -> Worker {
@@ -280,5 +245,34 @@ async fn a_burst_through_two_gateways_comes_out_whole(bus: Bus) {
         })
         .await;
         assert_eq!(summary["counters"]["dropped"], 0, "{summary}");
+    }
+}
+
+#[tokio::test]
+async fn a_stream_goes_on_when_the_bus_has_lost_everything() {
+    let mut nats = Nats::start();
+    let bus = nats.bus().await;
+    let _worker = worker(&bus).await;
+    let near = start_on(Some(bus.clone()), |_| {}).await;
+    let far = start_on(Some(nats.bus().await), |_| {}).await;
+    let mut bodies = frames(8).into_iter();
+    for seq in 0..4 {
+        assert_eq!(near.publish("demo", bodies.next().unwrap()).await.seq, seq);
+    }
+    nats.kill();
+    nats.restart_empty();
+    // One that knows nothing yet.
+    let late = eventually(async || {
+        let answer = near.post("demo", bodies.next()?).send().await.unwrap();
+        (answer.status() == StatusCode::ACCEPTED).then_some(())
+    });
+    late.await;
+    let _new = worker(&nats.bus().await).await;
+    for gateway in [&near, &far] {
+        eventually(async || {
+            let summary = gateway.json("/v1/streams/demo").await;
+            (summary["latest_seq"].as_u64() >= Some(4)).then_some(())
+        })
+        .await;
     }
 }

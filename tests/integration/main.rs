@@ -6,6 +6,11 @@
     reason = "this is test code"
 )]
 
+// Before those that use its macro.
+#[macro_use]
+#[path = "../support/nats.rs"]
+mod nats;
+
 mod bad_input;
 mod cluster;
 mod connections;
@@ -13,8 +18,6 @@ mod control;
 mod frames;
 mod ingest;
 mod log;
-#[path = "../support/nats.rs"]
-mod nats;
 mod operations;
 mod process;
 mod publish;

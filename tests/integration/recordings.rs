@@ -32,6 +32,19 @@ async fn delete(server: &TestServer, path: &str) -> StatusCode {
     request.send().await.unwrap().status()
 }
 
+/// Begins to record a stream with a frame; gives the recording's address once it can be read.
+async fn begin(server: &TestServer, body: Vec<u8>) -> String {
+    put(server, "/v1/streams/rig", json!({"record": "output"})).await;
+    server.publish("rig", body).await;
+    let status = server.json("/v1/streams/rig").await;
+    let id = status["recording"]["id"].as_str().unwrap();
+    let path = format!("/v1/recordings/rig/{id}");
+    while server.get(&path).await.status() != StatusCode::OK {
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    path
+}
+
 /// Records so many frames, a tenth of a second apart by their capture time, and ends the stream.
 /// Gives the recording's address and the Draco bytes that came out.
 async fn record(server: &TestServer, count: u64) -> (String, Vec<Vec<u8>>) {
@@ -197,17 +210,8 @@ async fn a_player_pauses_seeks_and_goes_on() {
 async fn a_recording_that_goes_on_is_played_as_it_grows() {
     let folder = tempfile::tempdir().unwrap();
     let server = recording_server(&folder, |_| {}).await;
-    put(&server, "/v1/streams/rig", json!({"record": "output"})).await;
     let mut bodies = frames(3).into_iter();
-    server.publish("rig", bodies.next().unwrap()).await;
-    let status = server.json("/v1/streams/rig").await;
-    let path = format!(
-        "/v1/recordings/rig/{}",
-        status["recording"]["id"].as_str().unwrap()
-    );
-    while server.get(&path).await.status() != StatusCode::OK {
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+    let path = begin(&server, bodies.next().unwrap()).await;
     let mut player = server.play(&format!("{path}/play?speed=0")).await;
     player.control().await;
     assert_eq!(player.frame().await.0.seq, 0);
@@ -341,15 +345,8 @@ async fn a_player_at_the_end_that_is_paused_can_still_go_back() {
 async fn a_player_that_waits_for_a_frame_gets_that_one_and_the_servers_farewell() {
     let folder = tempfile::tempdir().unwrap();
     let server = recording_server(&folder, |_| {}).await;
-    put(&server, "/v1/streams/rig", json!({"record": "output"})).await;
     let mut bodies = frames(3).into_iter();
-    server.publish("rig", bodies.next().unwrap()).await;
-    let status = server.json("/v1/streams/rig").await;
-    let id = status["recording"]["id"].as_str().unwrap().to_owned();
-    let path = format!("/v1/recordings/rig/{id}");
-    while server.get(&path).await.status() != StatusCode::OK {
-        tokio::time::sleep(Duration::from_millis(50)).await;
-    }
+    let path = begin(&server, bodies.next().unwrap()).await;
     let mut player = server
         .play(&format!("{path}/play?from_seq=2&speed=0"))
         .await;

@@ -6,7 +6,32 @@ use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use steadymesh::bus::{Bus, Options};
 use tempfile::TempDir;
+
+/// A worker that has not answered for so long is dead.
+pub const ACK_WAIT: Duration = Duration::from_millis(700);
+
+/// Runs every test over the bus in memory and over one in NATS.
+macro_rules! over_both {
+    ($($name:ident)*) => {
+        mod in_process {
+            use super::*;
+            $(#[tokio::test]
+            async fn $name() {
+                super::$name(Bus::in_process(ACK_WAIT, 1000)).await;
+            })*
+        }
+        mod jet_stream {
+            use super::*;
+            $(#[tokio::test]
+            async fn $name() {
+                let nats = Nats::start();
+                super::$name(nats.bus().await).await;
+            })*
+        }
+    };
+}
 
 /// A running server, which ends with the test.
 pub struct Nats {
@@ -36,6 +61,23 @@ impl Nats {
         format!("nats://127.0.0.1:{}", self.port)
     }
 
+    pub fn options(&self) -> Options {
+        Options {
+            url: self.url(),
+            credentials_file: None,
+            prefix: "test".to_owned(),
+            replicas: 1,
+            ack_wait: ACK_WAIT,
+            max_bytes: 64 << 20,
+            max_age: Duration::from_secs(60),
+        }
+    }
+
+    /// A connection to it.
+    pub async fn bus(&self) -> Bus {
+        Bus::jet_stream(self.options()).await.unwrap()
+    }
+
     /// Ends it without a farewell.
     pub fn kill(&mut self) {
         self.process.kill().unwrap();
@@ -45,6 +87,12 @@ impl Nats {
     /// Starts it again where it was.
     pub fn restart(&mut self) {
         self.process = spawn(self.port, &self.folder);
+    }
+
+    /// Starts it again without anything that it had.
+    pub fn restart_empty(&mut self) {
+        self.folder = tempfile::tempdir().unwrap();
+        self.restart();
     }
 }
 

@@ -14,11 +14,12 @@ use std::time::Duration;
 
 use async_nats::connection::State;
 use async_nats::jetstream::consumer::PullConsumer;
-use async_nats::jetstream::context::PublishErrorKind;
+use async_nats::jetstream::context::{PublishError, PublishErrorKind};
 use async_nats::jetstream::message::{Acker, PublishMessage};
 use async_nats::jetstream::stream::{LastRawMessageErrorKind, RawMessageErrorKind, Stream};
 use async_nats::jetstream::{AckKind, Context, context::ContextBuilder};
 use async_nats::{Client, ConnectOptions, HeaderMap, ServerAddr};
+use bytes::Bytes;
 use futures_util::StreamExt;
 use tokio::time::timeout;
 
@@ -68,7 +69,6 @@ pub(super) struct JetStream {
     records: Stream,
     workers: PullConsumer,
     objects: Objects,
-    prefix: String,
     options: Options,
 }
 
@@ -120,7 +120,6 @@ impl JetStream {
             outcomes: made.outcomes,
             records: made.records,
             workers: made.workers,
-            prefix: options.prefix.clone(),
             options,
         })
     }
@@ -145,7 +144,35 @@ impl JetStream {
     }
 
     fn subject(&self, log: &str, stream: &str) -> String {
-        format!("{}.{log}.{stream}", self.prefix)
+        format!("{}.{log}.{stream}", self.options.prefix)
+    }
+
+    /// A message of this id. A body that is too large for one goes beside it.
+    async fn message(
+        &self,
+        id: &str,
+        mut headers: HeaderMap,
+        mut body: Bytes,
+    ) -> Result<PublishMessage, BusError> {
+        let room = self.client.server_info().max_payload;
+        if room.saturating_sub(HEADER_ROOM) < body.len() {
+            headers.insert(message::OBJECT, self.objects.put(id, &body).await?);
+            body.clear();
+        }
+        let message = PublishMessage::build().headers(headers).payload(body);
+        Ok(message.message_id(id))
+    }
+
+    /// Writes a message, and gives its place once it is stored.
+    async fn send(
+        &self,
+        log: &str,
+        stream: &str,
+        message: PublishMessage,
+    ) -> Result<u64, PublishError> {
+        let subject = self.subject(log, stream);
+        let ack = self.context.send_publish(subject, message).await?.await?;
+        Ok(ack.sequence)
     }
 
     pub async fn append(
@@ -155,24 +182,12 @@ impl JetStream {
     ) -> Result<Position, BusError> {
         let (instance, seq, received) = frame.identity();
         let id = format!("{}/{instance}/{seq}/{received}", frame.stream);
-        let mut headers = message::frame_headers(frame);
-        let mut payload = frame.body.clone();
-        let room = self.client.server_info().max_payload;
-        if room.saturating_sub(HEADER_ROOM) < payload.len() {
-            let object = self.objects.put(&id, &payload).await?;
-            headers.insert(message::OBJECT, object);
-            payload.clear();
-        }
+        let (headers, body) = (message::frame_headers(frame), frame.body.clone());
+        let message = self.message(&id, headers, body).await?;
         let before = behind.map_or(0, |position| position.0);
-        let message = PublishMessage::build()
-            .headers(headers)
-            .payload(payload)
-            .message_id(&id)
-            .expected_last_subject_sequence(before);
-        let subject = self.subject("frames", &frame.stream);
-        let acknowledged = async { self.context.send_publish(subject, message).await?.await };
-        match acknowledged.await {
-            Ok(ack) => Ok(Position(ack.sequence)),
+        let message = message.expected_last_subject_sequence(before);
+        match self.send("frames", &frame.stream, message).await {
+            Ok(sequence) => Ok(Position(sequence)),
             Err(error) => Err(match error.kind() {
                 PublishErrorKind::WrongLastSequence => BusError::Conflict,
                 PublishErrorKind::StreamNotFound => self.made_anew(error).await,
@@ -222,6 +237,8 @@ impl JetStream {
             Ok(None) | Err(BusError::Invalid(_)) => {
                 tracing::error!(position = position.0, "a frame on the bus cannot be read");
                 acker.ack_with(AckKind::Term).await.map_err(unavailable)?;
+                // Gone, so that its gateway gives it up and nobody waits for it.
+                self.forget(position).await?;
                 return Ok(None);
             }
             Err(error) => return Err(error),
@@ -250,7 +267,7 @@ impl JetStream {
         &self,
         subject: &str,
         headers: &HeaderMap,
-        payload: bytes::Bytes,
+        payload: Bytes,
     ) -> Result<Option<Frame>, BusError> {
         let mut frame = message::frame(subject, headers, payload)?;
         if let Some(object) = headers.get(message::OBJECT) {
@@ -276,35 +293,22 @@ impl JetStream {
     }
 
     pub async fn publish(&self, processed: &Processed) -> Result<(), BusError> {
-        let (mut headers, mut payload) = message::outcome_parts(processed);
-        let id = format!(
-            "{}/{}/{}",
-            processed.stream, processed.instance, processed.seq
-        );
-        if self
-            .client
-            .server_info()
-            .max_payload
-            .saturating_sub(HEADER_ROOM)
-            < payload.len()
-        {
-            let object = self.objects.put(&format!("{id}/outcome"), &payload).await?;
-            headers.insert(message::OBJECT, object);
-            payload.clear();
-        }
-        let message = PublishMessage::build()
-            .headers(headers)
-            .payload(payload)
-            .message_id(id);
-        let subject = self.subject("outcomes", &processed.stream);
-        let sent = self.context.send_publish(subject, message).await;
-        sent.map_err(unavailable)?.await.map_err(unavailable)?;
-        Ok(())
+        let Processed {
+            stream,
+            instance,
+            seq,
+            ..
+        } = processed;
+        let (headers, body) = message::outcome_parts(processed);
+        let id = format!("{stream}/{instance}/{seq}/outcome");
+        let message = self.message(&id, headers, body).await?;
+        let sent = self.send("outcomes", stream, message).await;
+        sent.map(drop).map_err(unavailable)
     }
 
     pub async fn outcomes(&self) -> Result<Outcomes, BusError> {
         Ok(Outcomes {
-            tail: Tail::begin(&self.client, &self.outcomes).await?,
+            tail: Tail::begin(&self.client, &self.context, &self.outcomes).await?,
             objects: self.objects.clone(),
             pending: None,
         })
@@ -354,9 +358,7 @@ impl JetStream {
         let message = PublishMessage::build()
             .payload(text.into())
             .expected_last_subject_sequence(behind);
-        let subject = self.subject("records", stream);
-        let sent = async { self.context.send_publish(subject, message).await?.await };
-        match sent.await {
+        match self.send("records", stream, message).await {
             Ok(_) => Ok(()),
             Err(error) if error.kind() == PublishErrorKind::WrongLastSequence => {
                 Err(BusError::Conflict)
@@ -366,7 +368,7 @@ impl JetStream {
     }
 
     pub async fn records(&self) -> Result<Records, BusError> {
-        let tail = Tail::begin(&self.client, &self.records).await?;
+        let tail = Tail::begin(&self.client, &self.context, &self.records).await?;
         Ok(Records(tail))
     }
 

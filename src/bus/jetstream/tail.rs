@@ -2,24 +2,33 @@
 
 use std::time::Duration;
 
+use async_nats::jetstream::Context;
 use async_nats::jetstream::consumer::{DeliverPolicy, push};
 use async_nats::jetstream::stream::Stream;
 use async_nats::{Client, HeaderMap};
 use bytes::Bytes;
 use futures_util::StreamExt;
+use tokio::time::{Instant, timeout_at};
 
 use super::{BusError, unavailable};
 
 /// How long to wait before the server is asked again.
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(300);
 
+/// How often it is looked whether a log was lost and made again: the consumer waits for the next
+/// number for ever then.
+const LOOK: Duration = Duration::from_secs(3);
+
 /// A place in a log.
 pub(super) struct Tail {
     client: Client,
+    context: Context,
     log: Stream,
     messages: Option<push::Ordered>,
     /// The last message that was given.
     last: Option<u64>,
+    /// When to look whether the log is still the same.
+    look_at: Instant,
 }
 
 impl std::fmt::Debug for Tail {
@@ -30,13 +39,15 @@ impl std::fmt::Debug for Tail {
 
 impl Tail {
     /// Starts reading now.
-    pub async fn begin(client: &Client, log: &Stream) -> Result<Self, BusError> {
+    pub async fn begin(client: &Client, context: &Context, log: &Stream) -> Result<Self, BusError> {
         let messages = Self::read(client, log, None).await;
         Ok(Self {
             client: client.clone(),
+            context: context.clone(),
             log: log.clone(),
             messages: Some(messages.map_err(unavailable)?),
             last: None,
+            look_at: Instant::now() + LOOK,
         })
     }
 
@@ -44,25 +55,19 @@ impl Tail {
     pub async fn next(&mut self) -> (String, HeaderMap, Bytes) {
         loop {
             let Some(messages) = &mut self.messages else {
-                // A log that was lost and made again begins anew.
-                if let Ok(info) = self.log.get_info().await
-                    && self
-                        .last
-                        .is_some_and(|last| info.state.last_sequence < last)
-                {
-                    self.last = None;
-                }
                 match Self::read(&self.client, &self.log, self.last).await {
                     Ok(messages) => self.messages = Some(messages),
                     Err(error) => {
                         tracing::debug!(%error, "a log of the bus cannot be read");
                         tokio::time::sleep(LOOK_AGAIN).await;
+                        self.look().await;
                     }
                 }
                 continue;
             };
-            match messages.next().await {
-                Some(Ok(message)) => {
+            match timeout_at(self.look_at, messages.next()).await {
+                Err(_) => self.look().await,
+                Ok(Some(Ok(message))) => {
                     let Ok(info) = message.info() else {
                         continue;
                     };
@@ -76,12 +81,29 @@ impl Tail {
                     let headers = message.headers.unwrap_or_default();
                     return (message.subject.to_string(), headers, message.payload);
                 }
-                Some(Err(error)) => {
+                Ok(Some(Err(error))) => {
                     tracing::debug!(%error, "a log of the bus is read anew");
                     self.messages = None;
                 }
-                None => self.messages = None,
+                Ok(None) => self.messages = None,
             }
+        }
+    }
+
+    /// Begins anew with a log that was lost and made again.
+    async fn look(&mut self) {
+        // Not asked again before its time if this is given up.
+        self.look_at = Instant::now() + LOOK;
+        let Ok(info) = self.log.get_info().await else {
+            return;
+        };
+        let is_another = info.created != self.log.cached_info().created;
+        if is_another && let Ok(log) = self.context.get_stream(&info.config.name).await {
+            tracing::warn!(
+                log = info.config.name,
+                "a log of the bus was lost, and begins anew"
+            );
+            (self.log, self.last, self.messages) = (log, None, None);
         }
     }
 
