@@ -3,15 +3,15 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use steadymesh_mesh_io::{Format, Limits, ReadError, read};
+use steadymesh_mesh_io::{Format, Limits, Mesh, ReadError, read};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Quality, StageTimes};
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{
-    Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
-    StageObserver, UnusableFrame, process_registered, register,
+    Attributes, Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered,
+    Settings, Stage, StageObserver, UnusableFrame, process_registered, register,
 };
 use crate::stopwatch::{Stopwatch, microseconds};
 
@@ -177,6 +177,25 @@ impl Job {
     }
 }
 
+/// A mesh as it was read, with one value per point in every attribute.
+#[must_use]
+pub fn raw_frame(mesh: Mesh, byte_count: usize) -> RawFrame {
+    let points = mesh.into_points();
+    let mesh = points.mesh;
+    RawFrame {
+        positions: mesh.positions,
+        faces: mesh.faces,
+        attributes: Attributes {
+            normals: mesh.normals.map(|a| a.values),
+            colors: mesh.colors.map(|a| a.values),
+            texture_coordinates: mesh.texture_coordinates.map(|a| a.values),
+        },
+        repeated_points: points.repeated,
+        pointless_vertices: points.left_out,
+        byte_count,
+    }
+}
+
 /// Parses and repairs a body.
 ///
 /// # Errors
@@ -190,11 +209,7 @@ pub fn prepare(
     let mut stopwatch = Stopwatch::start();
     let mesh = read(body, format, limits)?;
     stopwatch.parsed();
-    let raw = RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        byte_count: body.len(),
-    };
+    let raw = raw_frame(mesh, body.len());
     let frame = PreparedFrame::new(raw, &mut stopwatch)?;
     Ok((frame, stopwatch.times()))
 }

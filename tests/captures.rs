@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Vector3};
 use steadymesh::pipeline::{PreparedFrame, RawFrame, register};
+use steadymesh::processing::raw_frame;
 use steadymesh_geometry::mesh::EdgeTable;
 use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances};
 use steadymesh_geometry::registration::{self, Target};
@@ -43,11 +44,7 @@ fn raw(name: &str) -> Option<RawFrame> {
         max_memory_bytes: 1 << 30,
     };
     let mesh = read(&bytes, format, &limits).unwrap();
-    Some(RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        byte_count: bytes.len(),
-    })
+    Some(raw_frame(mesh, bytes.len()))
 }
 
 fn frame(name: &str) -> Option<TriangleMesh> {

@@ -326,7 +326,7 @@ fn raw(mesh: &Mesh) -> RawFrame {
     RawFrame {
         positions: mesh.positions.clone(),
         faces: mesh.faces.clone(),
-        byte_count: 0,
+        ..RawFrame::default()
     }
 }
 
@@ -351,6 +351,7 @@ fn rounded(positions: &[[f64; 3]]) -> Vec<[f32; 3]> {
 fn draco(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<u8> {
     let view = MeshView {
         positions,
+        point_vertices: None,
         faces,
         normals: None,
         colors: None,

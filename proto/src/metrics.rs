@@ -134,6 +134,9 @@ pub struct Output {
     /// choice).
     #[serde(default)]
     pub target_reached: bool,
+    /// Points as delivered: where a texture has a seam, a vertex has one for each side of it.
+    #[serde(default)]
+    pub points: usize,
 }
 
 /// How well the previous frame was registered.

@@ -8,6 +8,7 @@ use steadymesh_geometry::TriangleMesh;
 use steadymesh_mesh_io::{Format, Limits, Mesh, read, sniff};
 
 use crate::pipeline::RawFrame;
+use crate::processing::raw_frame;
 
 /// Files are the user's own: the limits are those of 32-bit indices and of a workstation.
 const LIMITS: Limits = Limits {
@@ -67,11 +68,7 @@ pub(super) fn read_frame(path: &Path) -> anyhow::Result<RawFrame> {
     }
     let format = format_of(path, &bytes)?;
     let mesh = read(&bytes, format, &LIMITS).with_context(|| path.display().to_string())?;
-    Ok(RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        byte_count: bytes.len(),
-    })
+    Ok(raw_frame(mesh, bytes.len()))
 }
 
 /// A mesh as the writers take it.

@@ -45,7 +45,7 @@ impl KnownMotion {
         let raw = RawFrame {
             positions,
             faces: frame.faces.clone(),
-            byte_count: 0,
+            ..RawFrame::default()
         };
         let surface = TriangleTree::new(&mesh).ok_or(UnusableFrame::TooFewFaces {
             faces: 0,

@@ -6,6 +6,7 @@
 //! inputs give equal bits. Whoever wants to know how long a stage takes passes a
 //! [`StageObserver`] that has a clock.
 
+mod attributes;
 mod measure;
 mod output;
 mod prepare;
@@ -15,6 +16,7 @@ mod register;
 mod scene_cut;
 mod settings;
 
+pub use attributes::Attributes;
 pub use measure::{add_distances, statistics};
 pub use output::Output;
 pub use prepare::{MIN_FACES, PreparedFrame, RawFrame, UnusableFrame};

@@ -4,8 +4,10 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use steadymesh_draco::DecodeLimits;
+use steadymesh_geometry::mesh::InvalidMesh;
+use steadymesh_geometry::mesh::repair::weld_exact;
 use steadymesh_geometry::spatial::{SurfacePoint, TriangleTree, closest_to_vertices};
-use steadymesh_geometry::{Point, TriangleMesh};
+use steadymesh_geometry::{Face, Point, TriangleMesh};
 
 use super::ProcessFailed;
 
@@ -38,7 +40,12 @@ impl Output {
             .iter()
             .map(|p| Point::from(p.map(f64::from)))
             .collect();
-        Ok(TriangleMesh::new(positions, decoded.faces)?.into())
+        let mesh = TriangleMesh::new(positions, decoded.faces)?;
+        // A texture's seams repeat vertices; what holds the next frame is the surface.
+        Ok(match decoded.texture_coordinates {
+            Some(_) => welded(&mesh)?.into(),
+            None => mesh.into(),
+        })
     }
 
     /// With the points of `surface`, that of its frame, below its vertices.
@@ -62,4 +69,21 @@ impl From<TriangleMesh> for Output {
     fn from(mesh: TriangleMesh) -> Self {
         Self { mesh, feet: None }
     }
+}
+
+/// The same mesh with one vertex for all at exactly the same position.
+fn welded(mesh: &TriangleMesh) -> Result<TriangleMesh, InvalidMesh> {
+    let first = weld_exact(mesh.positions());
+    let mut numbers = vec![0; first.len()];
+    let mut positions = Vec::with_capacity(first.len());
+    for (vertex, &first) in first.iter().enumerate() {
+        numbers[vertex] = if first as usize == vertex {
+            positions.push(mesh.positions()[vertex]);
+            positions.len() as u32 - 1
+        } else {
+            numbers[first as usize]
+        };
+    }
+    let renumbered = |face: &Face| face.map(|vertex| numbers[vertex as usize]);
+    TriangleMesh::new(positions, mesh.faces().iter().map(renumbered).collect())
 }

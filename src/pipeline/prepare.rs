@@ -8,6 +8,7 @@ use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
 use steadymesh_proto::metrics::Input;
 
+use super::attributes::{Attributes, CornerAttributes};
 use super::{Stage, StageObserver};
 
 /// The smallest number of faces of a frame: a closed surface has no fewer.
@@ -16,10 +17,17 @@ pub const MIN_FACES: usize = 4;
 /// A frame as it was parsed, not checked yet.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct RawFrame {
-    /// Vertex positions.
+    /// The position of every point. Points at the same position become one vertex.
     pub positions: Vec<[f64; 3]>,
-    /// Vertex indices of every face.
+    /// The points at the corners of every face.
     pub faces: Vec<[u32; 3]>,
+    /// What the points look like.
+    pub attributes: Attributes,
+    /// Points that stand for one vertex of the file with different attributes, but for the first
+    /// of each vertex: they do not count as vertices.
+    pub repeated_points: usize,
+    /// Vertices of the file that have no point since no face refers to them.
+    pub pointless_vertices: usize,
     /// The length of the body it came in, in bytes.
     pub byte_count: usize,
 }
@@ -31,6 +39,16 @@ pub enum UnusableFrame {
     /// A position or an index is not usable.
     #[error(transparent)]
     Mesh(#[from] InvalidMesh),
+    /// An attribute must have one value per point.
+    #[error("{found} {what} for {points} points")]
+    AttributeCount {
+        /// The attribute.
+        what: &'static str,
+        /// How many values it has.
+        found: usize,
+        /// How many points there are.
+        points: usize,
+    },
     /// Too little is left to be simplified or registered.
     #[error(
         "too few usable faces: {faces} of {received}, the others being degenerate or duplicate; a \
@@ -48,6 +66,7 @@ pub enum UnusableFrame {
 #[derive(Debug, Clone)]
 pub struct PreparedFrame {
     mesh: TriangleMesh,
+    attributes: Option<CornerAttributes>,
     /// Made when it is first asked for: it takes part in this frame's registration and in the
     /// next one's.
     surface: OnceLock<Option<Arc<TriangleTree>>>,
@@ -62,11 +81,20 @@ impl PreparedFrame {
     ///
     /// [`UnusableFrame`] names the vertex, face or count that is not usable.
     pub fn new(raw: RawFrame, observer: &mut impl StageObserver) -> Result<Self, UnusableFrame> {
+        check_counts(&raw.attributes, raw.positions.len())?;
         let positions = raw.positions.into_iter().map(Point::from).collect();
         let received = TriangleMesh::new(positions, raw.faces)?;
         let repaired = repair(&received);
+        let (mut mesh, report) = (repaired.mesh, repaired.report);
+        let mut attributes = None;
+        if !raw.attributes.is_empty() {
+            let of_corners = CornerAttributes::new(raw.attributes, repaired.corner_origins);
+            let wedges = of_corners.wedges(&mesh);
+            mesh = mesh.with_wedges(wedges);
+            attributes = Some(of_corners);
+        }
         observer.ended(Stage::Repair);
-        let (faces, mesh, report) = (repaired.mesh.face_count(), repaired.mesh, repaired.report);
+        let faces = mesh.face_count();
         if faces < MIN_FACES {
             return Err(UnusableFrame::TooFewFaces {
                 faces,
@@ -74,17 +102,18 @@ impl PreparedFrame {
             });
         }
         let input = Input {
-            vertices: received.vertex_count(),
+            vertices: received.vertex_count() + raw.pointless_vertices - raw.repeated_points,
             faces: received.face_count(),
             bytes: raw.byte_count,
-            welded_vertices: report.welded_vertices,
+            welded_vertices: report.welded_vertices.saturating_sub(raw.repeated_points),
             removed_faces: report.removed_faces(),
             non_manifold_edges: report.non_manifold_edges,
-            unreferenced_vertices: report.unreferenced_vertices,
+            unreferenced_vertices: report.unreferenced_vertices + raw.pointless_vertices,
         };
         Ok(Self {
             bounds: mesh.bounding_box(),
             mesh,
+            attributes,
             surface: OnceLock::new(),
             input,
         })
@@ -94,6 +123,11 @@ impl PreparedFrame {
     #[must_use]
     pub fn mesh(&self) -> &TriangleMesh {
         &self.mesh
+    }
+
+    /// What the mesh's corners look like, if the frame said so.
+    pub(super) fn attributes(&self) -> Option<&CornerAttributes> {
+        self.attributes.as_ref()
     }
 
     /// The tree over the repaired mesh's surface; none if it has no faces, which does not come
@@ -114,4 +148,25 @@ impl PreparedFrame {
     pub fn input(&self) -> &Input {
         &self.input
     }
+}
+
+fn check_counts(attributes: &Attributes, points: usize) -> Result<(), UnusableFrame> {
+    let counts = [
+        ("normals", attributes.normals.as_ref().map(Vec::len)),
+        ("colors", attributes.colors.as_ref().map(Vec::len)),
+        (
+            "texture coordinates",
+            attributes.texture_coordinates.as_ref().map(Vec::len),
+        ),
+    ];
+    for (what, found) in counts {
+        if let Some(found) = found.filter(|&found| found != points) {
+            return Err(UnusableFrame::AttributeCount {
+                what,
+                found,
+                points,
+            });
+        }
+    }
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use steadymesh_draco::MeshView;
 use steadymesh_geometry::TriangleMesh;
+use steadymesh_geometry::mesh::Wedges;
 use steadymesh_geometry::simplification::{
     self, Anchors, Simplified, anchors, simplify, simplify_anchored,
 };
@@ -10,6 +11,7 @@ use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{self, Tracking};
 use steadymesh_proto::stream::MetricsMode;
 
+use super::attributes::Attributes;
 use super::register::CarriedOutput;
 use super::{Output, PreparedFrame, Registered, Settings, Stage, StageObserver, measure, register};
 
@@ -132,11 +134,17 @@ pub fn process_registered(
     };
     let simplified;
     (simplified, metrics.tracking) = hold.simplify(current.mesh(), settings);
+    let attributes = current.attributes();
+    let attributes = attributes.map(|a| a.of_simplified(current.mesh(), &simplified));
     observer.ended(Stage::Simplify);
 
-    let (draco, mesh) = encode(&simplified.mesh, settings)?;
+    let (draco, mesh) = encode(&simplified.mesh, attributes.as_ref(), settings)?;
     metrics.output = metrics::Output {
         vertices: mesh.vertex_count(),
+        points: simplified
+            .mesh
+            .wedges()
+            .map_or(mesh.vertex_count(), Wedges::count),
         faces: mesh.face_count(),
         bytes: draco.len(),
         target_reached: simplified.target_reached,
@@ -217,9 +225,10 @@ fn hold_by_anchors<'a>(
     Hold::Anchors(anchors, surface)
 }
 
-/// Compresses a mesh, and reads it back as players will see it.
+/// Compresses a mesh with the attributes of its wedges, and reads it back as players will see it.
 fn encode(
     mesh: &TriangleMesh,
+    attributes: Option<&Attributes>,
     settings: &Settings,
 ) -> Result<(Vec<u8>, TriangleMesh), ProcessFailed> {
     let positions: Vec<[f32; 3]> = mesh
@@ -227,12 +236,14 @@ fn encode(
         .iter()
         .map(|p| p.coords.map(|c| c as f32).into())
         .collect();
+    let wedges = mesh.wedges().filter(|_| attributes.is_some());
     let view = MeshView {
         positions: &positions,
-        faces: mesh.faces(),
-        normals: None,
-        colors: None,
-        texture_coordinates: None,
+        point_vertices: wedges.map(Wedges::vertices),
+        faces: wedges.map_or(mesh.faces(), Wedges::corners),
+        normals: attributes.and_then(|a| a.normals.as_deref()),
+        colors: attributes.and_then(|a| a.colors.as_deref()),
+        texture_coordinates: attributes.and_then(|a| a.texture_coordinates.as_deref()),
     };
     let bytes = steadymesh_draco::encode(&view, &settings.draco)?;
     let decoded = Output::decode(&bytes)?.mesh;

@@ -20,7 +20,7 @@ fn rig_frames(options: &rig::Options, count: u64) -> Vec<PreparedFrame> {
             let raw = RawFrame {
                 positions,
                 faces: frame.faces,
-                byte_count: 0,
+                ..RawFrame::default()
             };
             PreparedFrame::new(raw, &mut ()).unwrap()
         })
@@ -68,7 +68,7 @@ fn robust_tracking_brings_vertices_back_and_a_scene_cut_resets_it() {
             .map(|p| [p.z * p.z, 0.1 * p.x, p.y * p.x])
             .collect(),
         faces: frames[1].mesh().faces().to_vec(),
-        byte_count: 0,
+        ..RawFrame::default()
     };
     let another = PreparedFrame::new(raw, &mut ()).unwrap();
     for tracking in [Tracking::Off, Tracking::Paper, Tracking::Robust] {
@@ -92,7 +92,7 @@ fn a_figure_that_jumps_or_is_noisy_is_still_the_same_scene() {
             .map(|[x, y, z]: [f64; 3]| [x + 0.2, y, z])
             .collect(),
         faces: frames[1].mesh().faces().to_vec(),
-        byte_count: 0,
+        ..RawFrame::default()
     };
     let jumped = PreparedFrame::new(raw, &mut ()).unwrap();
     let noisy = rig_frames(
@@ -116,7 +116,7 @@ fn a_frame_that_shrank_to_a_part_of_it_is_another_scene() {
     let raw = RawFrame {
         positions: mesh.positions().iter().map(|p| p.coords.into()).collect(),
         faces: mesh.faces().iter().filter(is_low).copied().collect(),
-        byte_count: 0,
+        ..RawFrame::default()
     };
     let half = PreparedFrame::new(raw, &mut ()).unwrap();
     let options = Settings::default().registration;
@@ -246,7 +246,7 @@ fn a_single_triangle_is_refused_with_the_reason() {
     let raw = RawFrame {
         positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
         faces: vec![[0, 1, 2]],
-        byte_count: 0,
+        ..RawFrame::default()
     };
     let error = PreparedFrame::new(raw, &mut ()).unwrap_err();
     assert_eq!(

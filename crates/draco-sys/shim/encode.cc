@@ -39,6 +39,30 @@ int32_t AddAttribute(draco::Mesh *mesh, const Values &values) {
   return index;
 }
 
+// Adds the positions, one per vertex, and says which of them each point has.
+int32_t AddPositions(draco::Mesh *mesh, const SteadymeshDracoInput &input) {
+  if (input.point_vertices == nullptr) {
+    return AddAttribute(mesh, {draco::GeometryAttribute::POSITION, draco::DT_FLOAT32, 3,
+                               input.positions});
+  }
+  const auto vertex_count = static_cast<uint32_t>(input.vertex_count);
+  const int64_t stride = 3 * sizeof(float);
+  draco::GeometryAttribute attribute;
+  attribute.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, stride,
+                 0);
+  const int32_t index = mesh->AddAttribute(attribute, false, vertex_count);
+  if (index < 0) {
+    return index;
+  }
+  draco::PointAttribute *positions = mesh->attribute(index);
+  positions->buffer()->Write(0, input.positions, static_cast<size_t>(stride) * vertex_count);
+  for (uint32_t point = 0; point < mesh->num_points(); ++point) {
+    positions->SetPointMapEntry(draco::PointIndex(point),
+                                draco::AttributeValueIndex(input.point_vertices[point]));
+  }
+  return index;
+}
+
 struct Indices {
   int32_t position;
   int32_t normal;
@@ -57,7 +81,7 @@ Indices FillMesh(const SteadymeshDracoInput &input, draco::Mesh *mesh) {
   }
   using Attribute = draco::GeometryAttribute;
   return {
-      AddAttribute(mesh, {Attribute::POSITION, draco::DT_FLOAT32, 3, input.positions}),
+      AddPositions(mesh, input),
       AddAttribute(mesh, {Attribute::NORMAL, draco::DT_FLOAT32, 3, input.normals}),
       AddAttribute(mesh, {Attribute::COLOR, draco::DT_UINT8, 4, input.colors}),
       AddAttribute(mesh, {Attribute::TEX_COORD, draco::DT_FLOAT32, 2, input.texture_coordinates}),
@@ -70,6 +94,9 @@ void SetOptions(const SteadymeshDracoInput &input, const Indices &indices,
   encoder->SetEncodingMethod(input.is_sequential != 0 ? draco::MESH_SEQUENTIAL_ENCODING
                                                       : draco::MESH_EDGEBREAKER_ENCODING);
   encoder->SetTrackEncodedProperties(true);
+  // Above speed 5 libdraco would tear vertices apart where their points differ.
+  encoder->options().SetGlobalBool("split_mesh_on_seams", input.point_vertices == nullptr &&
+                                                              6 <= input.speed);
   const std::pair<int32_t, int32_t> bits[] = {
       {indices.position, input.position_bits},
       {indices.normal, input.normal_bits},

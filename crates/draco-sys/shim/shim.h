@@ -44,11 +44,14 @@ struct SteadymeshDracoAttribute {
 struct SteadymeshDracoMesh;
 struct SteadymeshDracoEncoded;
 
-// One value per point for every attribute; null where absent.
+// One value per point for every attribute but the positions; null where absent.
 struct SteadymeshDracoInput {
   size_t point_count;
+  size_t vertex_count;
   size_t face_count;
-  const float *positions;            // 3 * point_count
+  const float *positions;            // 3 * vertex_count
+  // The vertex of every point, each below vertex_count; null if point i is vertex i.
+  const uint32_t *point_vertices;
   const uint32_t *faces;             // 3 * face_count, each below point_count
   const float *normals;              // 3 * point_count
   const uint8_t *colors;             // 4 * point_count

@@ -49,16 +49,20 @@ pub struct Attribute {
     pub normalized: u32,
 }
 
-/// A mesh to encode: one value per point for every attribute, null where absent.
+/// A mesh to encode: one value per point for every attribute but the positions, null where absent.
 #[repr(C)]
 #[derive(Debug)]
 pub struct Input {
     /// Number of points.
     pub point_count: usize,
+    /// Number of vertices, which have the positions.
+    pub vertex_count: usize,
     /// Number of triangles.
     pub face_count: usize,
-    /// `3 * point_count` finite numbers.
+    /// `3 * vertex_count` finite numbers.
     pub positions: *const f32,
+    /// `point_count` indices below the vertex count, or null if point i is vertex i.
+    pub point_vertices: *const u32,
     /// `3 * face_count` indices below `point_count`.
     pub faces: *const u32,
     /// `3 * point_count` finite numbers, or null.

@@ -3,10 +3,11 @@
 
 use crate::{DecodedMesh, MeshView};
 
-/// A copy without degenerate faces and without vertices that no face uses.
+/// A copy without degenerate faces and without points that no face uses, each of the others with
+/// its own position.
 pub(crate) fn compacted(mesh: &MeshView<'_>) -> DecodedMesh {
     let is_usable = |&&[a, b, c]: &&[u32; 3]| a != b && b != c && c != a;
-    let mut is_used = vec![false; mesh.positions.len()];
+    let mut is_used = vec![false; mesh.point_count()];
     for &index in mesh.faces.iter().filter(is_usable).flatten() {
         is_used[index as usize] = true;
     }
@@ -19,8 +20,12 @@ pub(crate) fn compacted(mesh: &MeshView<'_>) -> DecodedMesh {
             index
         })
         .collect();
+    let points = (0..mesh.point_count() as u32).zip(&is_used);
+    let used_points = points.filter_map(|(point, &used)| used.then_some(point));
     DecodedMesh {
-        positions: keep(mesh.positions, &is_used),
+        positions: used_points
+            .map(|point| mesh.positions[mesh.vertex_of(point) as usize])
+            .collect(),
         faces: mesh
             .faces
             .iter()
@@ -52,6 +57,7 @@ mod tests {
         let positions: Vec<[f32; 3]> = (0..5_u8).map(|x| [f32::from(x), 0.0, 0.0]).collect();
         let mesh = MeshView {
             positions: &positions,
+            point_vertices: None,
             faces: &[[0, 0, 3], [4, 1, 2]],
             normals: None,
             colors: Some(&[[9; 4], [1; 4], [2; 4], [9; 4], [4; 4]]),

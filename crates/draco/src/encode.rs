@@ -23,13 +23,14 @@ pub struct EncodeOptions {
 }
 
 impl Default for EncodeOptions {
-    /// 12 bits keep the quantization step below the error of a 10:1 decimation.
+    /// 12 bits keep the quantization step below the error of a 10:1 decimation, and half a texel of
+    /// 2048.
     fn default() -> Self {
         Self {
             position_bits: 12,
             normal_bits: 8,
             color_bits: 8,
-            texture_coordinate_bits: 10,
+            texture_coordinate_bits: 12,
             speed: 5,
         }
     }
@@ -84,14 +85,24 @@ pub enum EncodeError {
         /// How many there may be.
         limit: usize,
     },
-    /// An attribute must have one value per position.
-    #[error("{vertices} vertices but {count} {what}")]
+    /// An attribute must have one value per point.
+    #[error("{points} points but {count} {what}")]
     CountMismatch {
         /// The attribute.
         what: &'static str,
         /// Its number of values.
         count: usize,
-        /// Number of positions.
+        /// Number of points.
+        points: usize,
+    },
+    /// A point refers to a vertex that is not there.
+    #[error("point {point} is of vertex {vertex}, but there are {vertices} vertices")]
+    VertexOutOfRange {
+        /// The index of the point, from 0.
+        point: usize,
+        /// The index of the vertex.
+        vertex: u32,
+        /// Number of vertices.
         vertices: usize,
     },
     /// A coordinate is infinite or not a number.
@@ -108,15 +119,15 @@ pub enum EncodeError {
         /// The attribute.
         what: &'static str,
     },
-    /// A face refers to a vertex that is not there.
-    #[error("face {face} refers to vertex {index}, but there are {vertices} vertices")]
+    /// A face refers to a point that is not there.
+    #[error("face {face} refers to vertex {index}, but there are {points} vertices")]
     IndexOutOfRange {
         /// The index of the face, from 0.
         face: usize,
-        /// The index of the vertex.
+        /// The index of the point.
         index: u32,
-        /// Number of vertices.
-        vertices: usize,
+        /// Number of points; that of vertices, if each is one.
+        points: usize,
     },
     /// libdraco refused.
     #[error("libdraco could not encode the mesh: {message}")]
@@ -186,8 +197,8 @@ pub fn encode_with_info(
 /// The sum of the squares of all vertices' face counts.
 fn valence_work(mesh: &MeshView<'_>) -> u64 {
     let mut valences = vec![0_u64; mesh.positions.len()];
-    for &index in mesh.faces.as_flattened() {
-        valences[index as usize] += 1;
+    for &point in mesh.faces.as_flattened() {
+        valences[mesh.vertex_of(point) as usize] += 1;
     }
     valences.iter().map(|valence| valence * valence).sum()
 }
@@ -203,9 +214,11 @@ fn encode_checked(
         .colors
         .map(|colors| reduce_colors(colors, options.color_bits));
     let input = sys::Input {
-        point_count: mesh.positions.len(),
+        point_count: mesh.point_count(),
+        vertex_count: mesh.positions.len(),
         face_count: mesh.faces.len(),
         positions: mesh.positions.as_flattened().as_ptr(),
+        point_vertices: mesh.point_vertices.map_or(ptr::null(), <[u32]>::as_ptr),
         faces: mesh.faces.as_flattened().as_ptr(),
         normals: mesh
             .normals
@@ -298,53 +311,70 @@ fn check_options(options: &EncodeOptions) -> Result<(), EncodeError> {
 }
 
 fn check_mesh(mesh: &MeshView<'_>) -> Result<(), EncodeError> {
-    let vertices = mesh.positions.len();
+    let (points, vertices) = (mesh.point_count(), mesh.positions.len());
     for (what, count, limit) in [
-        ("vertices", vertices, MAX_VERTICES),
+        ("vertices", points.max(vertices), MAX_VERTICES),
         ("faces", mesh.faces.len(), MAX_FACES),
     ] {
         if count > limit {
             return Err(EncodeError::TooLarge { what, count, limit });
         }
     }
+    check_point_vertices(mesh)?;
     check_values("position", "positions", mesh.positions, vertices)?;
     if let Some(normals) = mesh.normals {
-        check_values("normal", "normals", normals, vertices)?;
+        check_values("normal", "normals", normals, points)?;
     }
     if let Some(coordinates) = mesh.texture_coordinates {
         check_values(
             "texture coordinate",
             "texture coordinates",
             coordinates,
-            vertices,
+            points,
         )?;
     }
     if let Some(colors) = mesh.colors
-        && colors.len() != vertices
+        && colors.len() != points
     {
         return Err(EncodeError::CountMismatch {
             what: "colors",
             count: colors.len(),
-            vertices,
+            points,
         });
     }
-    check_faces(mesh.faces, vertices)
+    check_faces(mesh, points)
 }
 
-fn check_faces(faces: &[[u32; 3]], vertices: usize) -> Result<(), EncodeError> {
-    let mut usable = 0;
-    for (face, corners) in faces.iter().enumerate() {
-        if let Some(&index) = corners.iter().find(|&&index| index as usize >= vertices) {
-            return Err(EncodeError::IndexOutOfRange {
-                face,
-                index,
+fn check_point_vertices(mesh: &MeshView<'_>) -> Result<(), EncodeError> {
+    let vertices = mesh.positions.len();
+    let of_points = mesh.point_vertices.unwrap_or_default().iter().enumerate();
+    for (point, &vertex) in of_points {
+        if vertices <= vertex as usize {
+            return Err(EncodeError::VertexOutOfRange {
+                point,
+                vertex,
                 vertices,
             });
         }
-        let [a, b, c] = corners;
+    }
+    Ok(())
+}
+
+fn check_faces(mesh: &MeshView<'_>, points: usize) -> Result<(), EncodeError> {
+    let mut usable = 0;
+    for (face, corners) in mesh.faces.iter().enumerate() {
+        if let Some(&index) = corners.iter().find(|&&index| index as usize >= points) {
+            return Err(EncodeError::IndexOutOfRange {
+                face,
+                index,
+                points,
+            });
+        }
+        let [a, b, c] = corners.map(|point| mesh.vertex_of(point));
         usable += usize::from(a != b && b != c && c != a);
     }
     if usable == 0 {
+        let vertices = mesh.positions.len();
         return Err(EncodeError::Empty { vertices, faces: 0 });
     }
     Ok(())
@@ -354,14 +384,14 @@ fn check_values<const N: usize>(
     singular: &'static str,
     plural: &'static str,
     values: &[[f32; N]],
-    vertices: usize,
+    points: usize,
 ) -> Result<(), EncodeError> {
-    if values.len() != vertices {
+    if values.len() != points {
         let count = values.len();
         return Err(EncodeError::CountMismatch {
             what: plural,
             count,
-            vertices,
+            points,
         });
     }
     let mut low = [f32::INFINITY; N];

@@ -1,11 +1,14 @@
 //! The mesh types of both directions.
 
-/// A borrowed triangle mesh to encode. Every attribute holds one value per position.
+/// A borrowed triangle mesh to encode. Every attribute holds one value per point.
 #[derive(Debug, Clone, Copy)]
 pub struct MeshView<'a> {
-    /// Finite coordinates.
+    /// Finite coordinates, one per vertex.
     pub positions: &'a [[f32; 3]],
-    /// Indices into `positions`, counterclockwise seen from outside.
+    /// The vertex of each point; none if they are the same. Where a texture has a seam, a vertex
+    /// has several points, and the surface stays in one piece.
+    pub point_vertices: Option<&'a [u32]>,
+    /// Indices of points, counterclockwise seen from outside.
     pub faces: &'a [[u32; 3]],
     /// Unit normals; the length of each is lost.
     pub normals: Option<&'a [[f32; 3]]>,
@@ -30,12 +33,28 @@ pub struct DecodedMesh {
     pub texture_coordinates: Option<Vec<[f32; 2]>>,
 }
 
+impl MeshView<'_> {
+    /// How many points there are.
+    #[must_use]
+    pub fn point_count(&self) -> usize {
+        self.point_vertices
+            .map_or(self.positions.len(), <[u32]>::len)
+    }
+
+    /// The vertex of a point that there is.
+    pub(crate) fn vertex_of(&self, point: u32) -> u32 {
+        self.point_vertices
+            .map_or(point, |vertices| vertices[point as usize])
+    }
+}
+
 impl DecodedMesh {
     /// Borrows the mesh, for example to encode it again.
     #[must_use]
     pub fn view(&self) -> MeshView<'_> {
         MeshView {
             positions: &self.positions,
+            point_vertices: None,
             faces: &self.faces,
             normals: self.normals.as_deref(),
             colors: self.colors.as_deref(),

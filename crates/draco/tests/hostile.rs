@@ -39,6 +39,7 @@ fn doughnut(n: u32, speed: u8) -> Vec<u8> {
     let uv: Vec<[f32; 2]> = positions.iter().map(|p| [p[0], p[1]]).collect();
     let mesh = MeshView {
         positions: &positions,
+        point_vertices: None,
         faces: &faces,
         normals: Some(&positions),
         colors: None,

@@ -183,7 +183,7 @@ fn a_mesh_that_cannot_be_encoded_is_refused_with_the_place() {
         EncodeError::IndexOutOfRange {
             face: 3,
             index: 9,
-            vertices: 9
+            points: 9
         }
     );
     assert_eq!(
@@ -191,7 +191,7 @@ fn a_mesh_that_cannot_be_encoded_is_refused_with_the_place() {
         EncodeError::CountMismatch {
             what: "colors",
             count: 5,
-            vertices: 9
+            points: 9
         }
     );
     assert_eq!(

@@ -58,6 +58,7 @@ mod tests {
     fn triangle() -> Vec<u8> {
         let mesh = MeshView {
             positions: &[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            point_vertices: None,
             faces: &[[0, 1, 2]],
             normals: None,
             colors: None,

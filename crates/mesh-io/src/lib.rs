@@ -27,6 +27,7 @@ mod sniff;
 pub use error::ReadError;
 pub use format::Format;
 pub use mesh::{Attribute, Mesh};
+pub use per_vertex::PointMesh;
 pub use sniff::sniff;
 
 /// How large a mesh may be.

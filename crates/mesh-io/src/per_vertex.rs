@@ -2,16 +2,26 @@
 
 use crate::{Attribute, Mesh};
 use std::borrow::Cow;
-use std::collections::HashMap;
 
 /// Position, normal, color and texture coordinate of a corner; 0 where absent.
 type Key = [u32; 4];
+
+/// A mesh with one value per position in every attribute.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointMesh {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Positions that are repeated for another attribute, but for the first of each.
+    pub repeated: usize,
+    /// Positions that were left out because no face uses them.
+    pub left_out: usize,
+}
 
 impl Mesh {
     /// The same mesh with one value per position in every attribute.
     ///
     /// Where the corners at one position differ in an attribute, the position is
-    /// repeated; positions that no face uses are left out then. A mesh whose
+    /// repeated; positions that no face uses are left out then. The order of the positions stays. A mesh whose
     /// attributes are all per vertex comes back as it is. Attributes whose faces do
     /// not match those of the mesh are left out.
     #[must_use]
@@ -22,24 +32,23 @@ impl Mesh {
         let normals = usable(self.normals.as_ref(), self);
         let colors = usable(self.colors.as_ref(), self);
         let coordinates = usable(self.texture_coordinates.as_ref(), self);
-        let mut vertex_of_key = HashMap::new();
-        let mut keys: Vec<Key> = Vec::new();
-        let faces = (0..self.faces.len())
+        let mut points = Points::new(self.positions.len());
+        let corner_points: Vec<[u32; 3]> = (0..self.faces.len())
             .map(|face| {
                 std::array::from_fn(|corner| {
-                    let key = [
+                    points.number_of([
                         self.faces[face][corner],
                         index_at(normals, self, face, corner),
                         index_at(colors, self, face, corner),
                         index_at(coordinates, self, face, corner),
-                    ];
-                    *vertex_of_key.entry(key).or_insert_with(|| {
-                        keys.push(key);
-                        // At most three vertices a face, and faces fit into 32 bits.
-                        u32::try_from(keys.len() - 1).unwrap_or(u32::MAX)
-                    })
+                    ])
                 })
             })
+            .collect();
+        let (keys, numbers) = points.by_position();
+        let faces = corner_points
+            .iter()
+            .map(|corners| corners.map(|point| numbers[point as usize]))
             .collect();
         Cow::Owned(Self {
             positions: keys
@@ -53,6 +62,31 @@ impl Mesh {
         })
     }
 
+    /// The same as [`with_attributes_per_vertex`](Self::with_attributes_per_vertex), and what that
+    /// did to the vertices.
+    #[must_use]
+    pub fn into_points(self) -> PointMesh {
+        let vertices = self.positions.len();
+        if !self.has_corner_attributes() {
+            return PointMesh {
+                mesh: self,
+                repeated: 0,
+                left_out: 0,
+            };
+        }
+        let mut is_used = vec![false; vertices];
+        for &vertex in self.faces.iter().flatten() {
+            is_used[vertex as usize] = true;
+        }
+        let used = is_used.iter().filter(|used| **used).count();
+        let mesh = self.with_attributes_per_vertex().into_owned();
+        PointMesh {
+            repeated: mesh.positions.len() - used,
+            left_out: vertices - used,
+            mesh,
+        }
+    }
+
     fn has_corner_attributes(&self) -> bool {
         fn own<T>(attribute: Option<&Attribute<T>>) -> bool {
             attribute.is_some_and(|a| a.faces.is_some())
@@ -60,6 +94,67 @@ impl Mesh {
         own(self.normals.as_ref())
             || own(self.colors.as_ref())
             || own(self.texture_coordinates.as_ref())
+    }
+}
+
+/// The different corners so far, those at one position in a chain.
+struct Points {
+    keys: Vec<Key>,
+    /// By position, the last point there.
+    last: Vec<u32>,
+    /// By point, the one before it at the same position.
+    before: Vec<u32>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl Points {
+    fn new(position_count: usize) -> Self {
+        Self {
+            keys: Vec::with_capacity(position_count),
+            last: vec![NONE; position_count],
+            before: Vec::with_capacity(position_count),
+        }
+    }
+
+    /// The number of the point with this key, a new one if there is none.
+    fn number_of(&mut self, key: Key) -> u32 {
+        let last = &mut self.last[key[0] as usize];
+        let mut point = *last;
+        while point != NONE {
+            if self.keys[point as usize] == key {
+                return point;
+            }
+            point = self.before[point as usize];
+        }
+        // At most three points a face, and faces fit into 32 bits.
+        let new = u32::try_from(self.keys.len()).unwrap_or(NONE);
+        self.keys.push(key);
+        self.before.push(std::mem::replace(last, new));
+        new
+    }
+
+    /// The keys in the order of their positions, and where each point has gone.
+    fn by_position(&self) -> (Vec<Key>, Vec<u32>) {
+        let mut keys = Vec::with_capacity(self.keys.len());
+        let mut numbers = vec![0; self.keys.len()];
+        for &last in &self.last {
+            let start = keys.len();
+            let mut point = last;
+            while point != NONE {
+                keys.push(self.keys[point as usize]);
+                point = self.before[point as usize];
+            }
+            // Oldest first.
+            keys[start..].reverse();
+            let (mut number, mut point) = (keys.len(), last);
+            while point != NONE {
+                number -= 1;
+                numbers[point as usize] = u32::try_from(number).unwrap_or(NONE);
+                point = self.before[point as usize];
+            }
+        }
+        (keys, numbers)
     }
 }
 

@@ -449,6 +449,7 @@ fn a_wrapped_draco_file_reads_back() {
         .collect();
     let view = MeshView {
         positions: &positions,
+        point_vertices: None,
         faces: &mesh.faces,
         normals: mesh.normals.as_ref().map(|a| &a.values[..]),
         colors: mesh.colors.as_ref().map(|a| &a.values[..]),
@@ -469,6 +470,7 @@ fn a_draco_primitive_that_names_a_missing_attribute_is_refused() {
     let positions = [[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let view = MeshView {
         positions: &positions,
+        point_vertices: None,
         faces: &[[0, 1, 2]],
         normals: None,
         colors: None,

@@ -104,6 +104,7 @@ fn valid_files() -> Vec<Vec<u8>> {
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.map(|v| v as f32)).collect();
     let view = MeshView {
         positions: &positions,
+        point_vertices: None,
         faces: &mesh.faces,
         normals: None,
         colors: None,

@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 
 use crate::{Face, Point, Vector};
 
-use super::{BoundingBox, Rows, adjacency, edges, normals};
+use super::{BoundingBox, Rows, Wedges, adjacency, edges, normals};
 
 /// The largest coordinate magnitude that is accepted, in the mesh's own unit.
 ///
@@ -39,6 +39,7 @@ struct Shape {
 /// The faces, and what follows from them alone.
 struct Topology {
     faces: Vec<Face>,
+    wedges: Option<Wedges>,
     vertex_faces: OnceLock<Rows>,
     vertex_neighbors: OnceLock<Rows>,
 }
@@ -185,6 +186,33 @@ impl TriangleMesh {
         BoundingBox::of(self.positions())
     }
 
+    /// What the corners of the faces share besides their vertices, if anybody has said so.
+    #[must_use]
+    pub fn wedges(&self) -> Option<&Wedges> {
+        self.topology.wedges.as_ref()
+    }
+
+    /// The same mesh with these wedges, which are its own: they take part in its simplification,
+    /// and in nothing else.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many of their faces as of the mesh's.
+    #[must_use]
+    pub fn with_wedges(mut self, wedges: Wedges) -> Self {
+        assert_eq!(self.face_count(), wedges.corners().len(), "three a face");
+        if let Some(topology) = Arc::get_mut(&mut self.topology) {
+            topology.wedges = Some(wedges);
+            return self;
+        }
+        let mut topology = Topology::of(self.faces().to_vec());
+        topology.wedges = Some(wedges);
+        Self {
+            shape: self.shape,
+            topology: Arc::new(topology),
+        }
+    }
+
     /// The same faces over moved vertices.
     ///
     /// # Errors
@@ -266,6 +294,7 @@ impl Topology {
     fn of(faces: Vec<Face>) -> Self {
         Self {
             faces,
+            wedges: None,
             vertex_faces: OnceLock::new(),
             vertex_neighbors: OnceLock::new(),
         }

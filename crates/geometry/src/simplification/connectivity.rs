@@ -100,6 +100,21 @@ impl Connectivity {
             .filter_map(move |&face| apex(self.faces[face as usize], a, b))
     }
 
+    /// The numbers of the faces that are left, ascending.
+    pub fn face_numbers(&self) -> impl Iterator<Item = u32> {
+        let numbers = (0..).zip(&self.alive);
+        numbers.filter(|(_, alive)| **alive).map(|(face, _)| face)
+    }
+
+    /// The faces on the edge between `a` and `b`, each with the places of the two among its corners.
+    pub fn faces_on(&self, a: u32, b: u32) -> impl Iterator<Item = (u32, [usize; 2])> {
+        self.around.row(a).iter().filter_map(move |&face| {
+            let corners = self.faces[face as usize];
+            let place = |vertex| corners.iter().position(|&corner| corner == vertex);
+            Some((face, [place(a)?, place(b)?]))
+        })
+    }
+
     /// Calls `take` with every edge of which neither end is a hub; with one whose faces turn
     /// against each other, perhaps twice.
     pub fn for_each_edge(&self, mut take: impl FnMut(Edge)) {

@@ -26,7 +26,7 @@ impl Greedy {
     /// the queue, with `vertex` as their owner.
     fn queue_edges(
         &mut self,
-        mesh: &mut Collapses,
+        mesh: &mut Collapses<'_>,
         vertex: u32,
         is_wanted: impl Fn(u32, u32) -> bool,
     ) {
@@ -57,7 +57,7 @@ impl Greedy {
 
 impl Order for Greedy {
     /// Every edge is with the smaller of its vertices.
-    fn fill(&mut self, mesh: &mut Collapses) {
+    fn fill(&mut self, mesh: &mut Collapses<'_>) {
         self.queue.clear();
         for vertex in 0..mesh.connectivity.vertex_count() as u32 {
             if !mesh.connectivity.is_hub(vertex) {
@@ -66,7 +66,7 @@ impl Order for Greedy {
         }
     }
 
-    fn drain(&mut self, mesh: &mut Collapses, target: usize, rules: Rules) {
+    fn drain(&mut self, mesh: &mut Collapses<'_>, target: usize, rules: Rules) {
         while target < mesh.connectivity.face_count() {
             let versions = &mesh.versions;
             let is_current =
@@ -75,9 +75,9 @@ impl Order for Greedy {
                 return;
             };
             // Nothing around the edge has changed since it was queued: it costs the same as then.
-            if mesh.try_collapse(edge, target, rules) {
-                self.queue.set(edge.1, &[]);
-                self.queue_edges(mesh, edge.0, |_, _| true);
+            if let Some((left, gone)) = mesh.try_collapse(edge, target, rules) {
+                self.queue.set(gone, &[]);
+                self.queue_edges(mesh, left, |_, _| true);
             }
         }
     }

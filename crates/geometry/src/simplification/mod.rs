@@ -10,6 +10,8 @@
 //! - `passes`, `ranking`: nearly that order at half the time, for all others.
 //! - [`anchors`]: what the previous result holds the new one by.
 //! - [`refinement`]: flips and fits what collapsing edges has left.
+//! - `seams`: which collapses leave the texture's charts apart.
+//! - [`surface_origins`]: where on the original the result's attributes come from.
 //! - [`simplify`], [`simplify_anchored`]: collapses edges until the target is reached.
 //!
 //! All modes share all but the order: without reference and anchors it is the original QEM.
@@ -27,11 +29,14 @@ mod quadric;
 mod queue;
 mod ranking;
 pub mod refinement;
+mod seams;
+mod surface_origins;
 mod tracked;
 
 pub use anchors::Anchors;
-pub use edge_collapse::{Options, Simplified, simplify, simplify_anchored};
+pub use edge_collapse::{NO_WEDGE, Options, Simplified, simplify, simplify_anchored};
 pub use quadric::Quadric;
+pub use surface_origins::{SurfaceOrigin, surface_origins};
 
 #[cfg(test)]
 mod tests;

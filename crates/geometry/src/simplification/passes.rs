@@ -50,7 +50,7 @@ impl Passes {
     }
 
     /// Collapses what it can of the `wanted` cheapest edges.
-    fn pass(&mut self, mesh: &mut Collapses, target: usize, rules: Rules, wanted: usize) {
+    fn pass(&mut self, mesh: &mut Collapses<'_>, target: usize, rules: Rules, wanted: usize) {
         let Self {
             edges,
             ranking,
@@ -63,13 +63,13 @@ impl Passes {
             if ends.iter().any(|&end| touched[end]) {
                 continue;
             }
-            if !mesh.try_collapse(*edge, target, rules) {
+            let Some((left, _)) = mesh.try_collapse(*edge, target, rules) else {
                 *cost = REFUSED;
                 self.refused += 1;
                 continue;
-            }
+            };
             ends.iter().for_each(|&end| touched[end] = true);
-            self.merged.push(edge.0);
+            self.merged.push(left);
             if mesh.connectivity.face_count() <= target {
                 return;
             }
@@ -78,7 +78,7 @@ impl Passes {
 
     /// Replaces the edges at touched vertices by those that are there now, and forgets those that
     /// were refused: cheap ones that are refused for good would leave room for no others.
-    fn rate_again(&mut self, mesh: &mut Collapses) {
+    fn rate_again(&mut self, mesh: &mut Collapses<'_>) {
         let touched = &mut self.touched;
         self.edges.retain(|Rated { edge, cost }| {
             *cost != REFUSED && !touched[edge.0 as usize] && !touched[edge.1 as usize]
@@ -104,14 +104,14 @@ impl Passes {
 }
 
 impl Order for Passes {
-    fn fill(&mut self, mesh: &mut Collapses) {
+    fn fill(&mut self, mesh: &mut Collapses<'_>) {
         self.edges.clear();
         mesh.connectivity
             .for_each_edge(|edge| self.edges.push(Rated { edge, cost: 0.0 }));
         mesh.rate(&mut self.edges);
     }
 
-    fn drain(&mut self, mesh: &mut Collapses, target: usize, rules: Rules) {
+    fn drain(&mut self, mesh: &mut Collapses<'_>, target: usize, rules: Rules) {
         while target < mesh.connectivity.face_count() {
             let missing = (mesh.connectivity.face_count() - target).div_ceil(2);
             let share = (PASS_SHARE * self.edges.len() as f64) as usize;

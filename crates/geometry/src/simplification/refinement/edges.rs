@@ -5,6 +5,8 @@ use crate::{Face, TriangleMesh};
 /// Faces, and which are around each vertex.
 pub(super) struct FlippableFaces {
     faces: Vec<Face>,
+    /// The wedges at the faces' corners, if there are any.
+    wedges: Option<Vec<Face>>,
     around: Vec<Vec<u32>>,
 }
 
@@ -35,14 +37,16 @@ impl FlippableFaces {
         let around = mesh.vertex_faces();
         Self {
             faces: mesh.faces().to_vec(),
+            wedges: mesh.wedges().map(|wedges| wedges.corners().to_vec()),
             around: (0..mesh.vertex_count())
                 .map(|vertex| around.row(vertex).to_vec())
                 .collect(),
         }
     }
 
-    pub fn into_faces(self) -> Vec<Face> {
-        self.faces
+    /// The faces, and the wedges at their corners if there are any.
+    pub fn into_parts(self) -> (Vec<Face>, Option<Vec<Face>>) {
+        (self.faces, self.wedges)
     }
 
     /// Whether two vertices share an edge.
@@ -65,6 +69,14 @@ impl FlippableFaces {
             if opposite(self.faces[second as usize], v) != Some((r, s)) {
                 continue;
             }
+            // A flip across a seam would put faces on both sides of it.
+            let is_seam = |vertex| {
+                let [first, second] = [first, second].map(|face| self.wedge(face, vertex));
+                first != second
+            };
+            if is_seam(s) || is_seam(r) {
+                return None;
+            }
             let loses = |vertex: u32| MIN_VALENCE < self.around[vertex as usize].len();
             return (loses(s) && loses(r)).then_some(Quad {
                 first,
@@ -75,6 +87,15 @@ impl FlippableFaces {
         None
     }
 
+    /// The wedge of a face at one of its vertices, if there are wedges.
+    fn wedge(&self, face: u32, vertex: u32) -> Option<u32> {
+        let corners = self.wedges.as_ref()?[face as usize];
+        let place = self.faces[face as usize]
+            .iter()
+            .position(|&c| c == vertex)?;
+        Some(corners[place])
+    }
+
     /// Flips the edge between s and r to one between u and v.
     pub fn flip(&mut self, quad: &Quad) {
         let Quad {
@@ -82,6 +103,16 @@ impl FlippableFaces {
             second,
             corners: [u, s, v, r],
         } = *quad;
+        if let [Some(of_u), Some(of_s), Some(of_v), Some(of_r)] = [
+            self.wedge(first, u),
+            self.wedge(first, s),
+            self.wedge(second, v),
+            self.wedge(second, r),
+        ] && let Some(wedges) = &mut self.wedges
+        {
+            wedges[first as usize] = [of_u, of_s, of_v];
+            wedges[second as usize] = [of_u, of_v, of_r];
+        }
         self.faces[first as usize] = [u, s, v];
         self.faces[second as usize] = [u, v, r];
         self.around[u as usize].push(second);
@@ -141,7 +172,7 @@ mod tests {
             faces.sort_unstable();
             faces
         };
-        assert_eq!(sorted(ring.into_faces()), sorted(RING.to_vec()));
+        assert_eq!(sorted(ring.into_parts().0), sorted(RING.to_vec()));
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod fit;
 mod restore;
 mod samples;
 
+use crate::mesh::Wedges;
 use crate::spatial::TriangleTree;
 use crate::{Face, Point, TriangleMesh};
 
@@ -108,6 +109,13 @@ pub(super) fn refine(
         &restore::previous_edges(kept, previous_faces),
         options.flip_tolerance,
     );
-    let flipped = TriangleMesh::from_valid(positions, faces.into_faces());
-    fit::fit(&flipped, surface, (&samples, kept), options)
+    let (faces, wedges) = faces.into_parts();
+    let flipped = TriangleMesh::from_valid(positions, faces);
+    let fitted = fit::fit(&flipped, surface, (&samples, kept), options);
+    match (wedges, simplified.wedges()) {
+        (Some(corners), Some(before)) => {
+            fitted.with_wedges(Wedges::from_valid(corners, before.vertices().to_vec()))
+        }
+        _ => fitted,
+    }
 }

@@ -1,0 +1,95 @@
+//! What the points of a frame look like, and how a simplified mesh comes to look like that.
+
+use steadymesh_geometry::mesh::Wedges;
+use steadymesh_geometry::simplification::{Simplified, SurfaceOrigin, surface_origins};
+use steadymesh_geometry::{Face, TriangleMesh};
+
+/// One value per point in each of those that are there.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Attributes {
+    /// Normals of about unit length; zero where there is none.
+    pub normals: Option<Vec<[f32; 3]>>,
+    /// Red, green, blue, alpha, 0 to 255.
+    pub colors: Option<Vec<[u8; 4]>>,
+    /// Texture coordinates, usually 0 to 1.
+    pub texture_coordinates: Option<Vec<[f32; 2]>>,
+}
+
+impl Attributes {
+    /// Whether there are none at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.normals.is_none() && self.colors.is_none() && self.texture_coordinates.is_none()
+    }
+}
+
+/// The attributes of a frame, at the corners of its repaired faces.
+#[derive(Debug, Clone)]
+pub(super) struct CornerAttributes {
+    /// Of the points as they came.
+    values: Attributes,
+    /// For every face of the repaired mesh, the points at its corners.
+    corners: Vec<Face>,
+}
+
+impl CornerAttributes {
+    pub fn new(values: Attributes, corners: Vec<Face>) -> Self {
+        Self { values, corners }
+    }
+
+    /// Where the corners of `mesh`, the repaired one, look alike. Only texture coordinates make a
+    /// seam: a color or a normal that jumps from face to face (a hard edge, a painted face) would
+    /// leave nothing to collapse, and between two of either there is a third.
+    pub fn wedges(&self, mesh: &TriangleMesh) -> Wedges {
+        Wedges::by_key(mesh, |face, corner| {
+            let point = self.corners[face][corner] as usize;
+            let coordinates = self.values.texture_coordinates.as_ref();
+            // Zero has two bit patterns.
+            coordinates.map(|values| values[point].map(|c| (c + 0.0).to_bits()))
+        })
+    }
+
+    /// The attributes of every wedge of a simplified mesh, from the closest points of the original
+    /// surface.
+    pub fn of_simplified(&self, original: &TriangleMesh, simplified: &Simplified) -> Attributes {
+        let origins = surface_origins(original, simplified);
+        Attributes {
+            normals: self.blend(self.values.normals.as_ref(), &origins, unit),
+            colors: self.blend(self.values.colors.as_ref(), &origins, |rgba: [f64; 4]| {
+                rgba.map(|channel| channel.round() as u8)
+            }),
+            texture_coordinates: self.blend(
+                self.values.texture_coordinates.as_ref(),
+                &origins,
+                |coordinates: [f64; 2]| coordinates.map(|c| c as f32),
+            ),
+        }
+    }
+
+    fn blend<T: Copy + Into<f64>, const N: usize>(
+        &self,
+        values: Option<&Vec<[T; N]>>,
+        origins: &[SurfaceOrigin],
+        finish: impl Fn([f64; N]) -> [T; N],
+    ) -> Option<Vec<[T; N]>> {
+        let values = values?;
+        let blended = origins.iter().map(|origin| {
+            let mut sum = [0.0; N];
+            let corners = self.corners[origin.face as usize];
+            for (point, weight) in corners.into_iter().zip(origin.weights) {
+                for (sum, value) in sum.iter_mut().zip(values[point as usize]) {
+                    *sum += weight * value.into();
+                }
+            }
+            finish(sum)
+        });
+        Some(blended.collect())
+    }
+}
+
+/// Of unit length, if it has a direction.
+fn unit(vector: [f64; 3]) -> [f32; 3] {
+    let length = vector.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let scale = if length > 0.0 { length.recip() } else { 0.0 };
+    vector.map(|c| (c * scale) as f32)
+}
