@@ -13,6 +13,9 @@ test:
 	scripts/install-dependencies test
 	$(MAKE) page
 	npm --prefix web test
+	npm --prefix clients/js ci
+	npm --prefix clients/js run build
+	npm --prefix clients/js test
 	cargo test --workspace
 	cargo build
 	STEADYMESH_BIN=$$(realpath $${CARGO_TARGET_DIR:-target}/debug/steadymesh) npm --prefix web run test:browser
@@ -32,6 +35,8 @@ lint:
 	cargo clippy --workspace --all-targets -- -D warnings
 	npm --prefix web ci
 	npm --prefix web run check
+	npm --prefix clients/js ci
+	npm --prefix clients/js run check
 
 # The binary as it is meant to run, with the page in it.
 build:

@@ -13,6 +13,7 @@ pub mod stopwatch;
 pub mod storage;
 pub mod streams;
 pub mod telemetry;
+pub mod textures;
 pub mod tls;
 pub mod webhooks;
 pub mod worker;

@@ -3,17 +3,18 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use steadymesh_mesh_io::{Format, Limits, Mesh, ReadError, read};
+use steadymesh_mesh_io::{Format, Limits, ReadError, read};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{Quality, StageTimes};
 use tokio::sync::oneshot;
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{
-    Attributes, Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered,
-    Settings, Stage, StageObserver, UnusableFrame, process_registered, register,
+    Output, PreparedFrame, ProcessFailed, ProcessedFrame, RawFrame, Registered, Settings, Stage,
+    StageObserver, UnusableFrame, process_registered, register,
 };
 use crate::stopwatch::{Stopwatch, microseconds};
+use crate::textures::{Made, SourceImage};
 
 /// All that a frame is processed with.
 #[derive(Debug)]
@@ -65,7 +66,12 @@ pub struct Stamps {
 impl Stamps {
     /// The complete figures of a frame.
     #[must_use]
-    pub fn stamp(self, mut metrics: FrameMetrics) -> FrameMetrics {
+    pub fn stamp(self, mut metrics: FrameMetrics, texture: Option<&Made>) -> FrameMetrics {
+        match texture {
+            None | Some(Ok(None)) => {}
+            Some(Ok(Some(texture))) => metrics.texture = Some(texture.figures.clone()),
+            Some(Err(error)) => metrics.texture_error = Some(error.to_string()),
+        }
         let has_reference = metrics.registration.is_some() && metrics.reset.is_none();
         metrics.seq = self.seq;
         metrics.capture_time_us = self.capture_time_us;
@@ -177,23 +183,15 @@ impl Job {
     }
 }
 
-/// A mesh as it was read, with one value per point in every attribute.
-#[must_use]
-pub fn raw_frame(mesh: Mesh, byte_count: usize) -> RawFrame {
-    let points = mesh.into_points();
-    let mesh = points.mesh;
-    RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        attributes: Attributes {
-            normals: mesh.normals.map(|a| a.values),
-            colors: mesh.colors.map(|a| a.values),
-            texture_coordinates: mesh.texture_coordinates.map(|a| a.values),
-        },
-        repeated_points: points.repeated,
-        pointless_vertices: points.left_out,
-        byte_count,
-    }
+/// A frame that has been read, ready for the rest.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The frame.
+    pub frame: PreparedFrame,
+    /// The image on it, if its body has one and it has texture coordinates.
+    pub image: Option<SourceImage>,
+    /// How long that took.
+    pub times: StageTimes,
 }
 
 /// Parses and repairs a body.
@@ -201,15 +199,20 @@ pub fn raw_frame(mesh: Mesh, byte_count: usize) -> RawFrame {
 /// # Errors
 ///
 /// [`NotAFrame`] says what is wrong, and where.
-pub fn prepare(
-    body: &[u8],
-    format: Format,
-    limits: &Limits,
-) -> Result<(PreparedFrame, StageTimes), NotAFrame> {
+pub fn prepare(body: &[u8], format: Format, limits: &Limits) -> Result<Prepared, NotAFrame> {
     let mut stopwatch = Stopwatch::start();
     let mesh = read(body, format, limits)?;
+    // Without coordinates it cannot lie on the mesh.
+    let image = mesh.image.as_ref();
+    let image = image.filter(|_| mesh.texture_coordinates.is_some());
+    let image = image.map(|image| SourceImage::new(image, body));
     stopwatch.parsed();
-    let raw = raw_frame(mesh, body.len());
+    let raw = RawFrame::from_mesh(mesh, body.len());
     let frame = PreparedFrame::new(raw, &mut stopwatch)?;
-    Ok((frame, stopwatch.times()))
+    let times = stopwatch.times();
+    Ok(Prepared {
+        frame,
+        image,
+        times,
+    })
 }

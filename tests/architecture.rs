@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Which modules of the server may use which others. What is not here may use none.
-const MAY_USE: [(&str, &[&str]); 11] = [
+const MAY_USE: [(&str, &[&str]); 12] = [
     (
         "cli",
         &[
@@ -22,6 +22,7 @@ const MAY_USE: [(&str, &[&str]); 11] = [
             "storage",
             "streams",
             "telemetry",
+            "textures",
             "tls",
             "webhooks",
             "worker",
@@ -62,6 +63,7 @@ const MAY_USE: [(&str, &[&str]); 11] = [
             "stopwatch",
             "storage",
             "telemetry",
+            "textures",
         ],
     ),
     (
@@ -74,9 +76,14 @@ const MAY_USE: [(&str, &[&str]); 11] = [
             "stopwatch",
             "streams",
             "telemetry",
+            "textures",
         ],
     ),
-    ("processing", &["compute", "pipeline", "stopwatch"]),
+    (
+        "processing",
+        &["compute", "pipeline", "stopwatch", "textures"],
+    ),
+    ("textures", &["compute"]),
     ("storage", &["telemetry"]),
     ("webhooks", &["streams", "telemetry"]),
     ("evaluation", &["pipeline"]),

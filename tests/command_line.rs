@@ -53,6 +53,7 @@ fn write_synthetic_frames(folder: &Path, count: u64) {
             normals: None,
             colors: None,
             texture_coordinates: None,
+            image: None,
         };
         std::fs::write(folder.join(format!("frame{index}.obj")), obj::write(&mesh)).unwrap();
     }

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::metrics::{
     Consistency, DistancePair, Input, Output, Quality, Registration, Residual, StageTimes,
-    Statistics, Tracking,
+    Statistics, Texture, Tracking,
 };
 use steadymesh_proto::recording::{
     Gap, PlayerMessage, Record, RecordedFrame, RecordedFrames, RecordingList, RecordingState,
@@ -21,7 +21,7 @@ use steadymesh_proto::recording::{
 use steadymesh_proto::stream::{
     Accepted, ControlMessage, DracoConfig, DropReason, EndReason, FrameState, MetricsMode,
     Overload, Problem, PublishReply, PublisherMessage, RecordingStatus, StreamConfig,
-    StreamCounters, StreamList, StreamState, StreamSummary,
+    StreamCounters, StreamList, StreamState, StreamSummary, TextureConfig, TextureFormat,
 };
 
 use steadymesh::webhooks::{Crossing, Details, Ending, Figure, Kind, Limit, Notice, Silence};
@@ -621,6 +621,15 @@ fn metrics() -> FrameMetrics {
         reference_seq: Some(40),
         input: Input::default(),
         output: Output::default(),
+        texture: Some(Texture {
+            id: "00112233445566778899aabbccddeeff".to_owned(),
+            media_type: "image/jpeg".to_owned(),
+            bytes: 241_000,
+            width: 2048,
+            height: 2048,
+            encoded: true,
+        }),
+        texture_error: Some("image/png: cut off".to_owned()),
         registration: Some(Registration {
             rigid_rmse: 0.1,
             residual: Residual::default(),
@@ -648,6 +657,13 @@ fn config() -> StreamConfig {
         draco: DracoConfig {
             position_bits: Some(12),
             speed: Some(5),
+            texture_coordinate_bits: Some(12),
+            normal_bits: Some(8),
+        },
+        texture: TextureConfig {
+            format: Some(TextureFormat::Jpeg),
+            quality: Some(85),
+            max_size: Some(1024),
         },
         metrics: Some(MetricsMode::Full),
         overload: Some(Overload::Lossless),
@@ -655,11 +671,15 @@ fn config() -> StreamConfig {
     }
 }
 
-/// Of the two targets one is there, and none in every case.
+/// Of the two targets one is there, and none in every case; and images need not have a limit.
 fn without_target() -> StreamConfig {
     StreamConfig {
         target_faces: None,
         target_ratio: None,
+        texture: TextureConfig {
+            max_size: None,
+            ..config().texture
+        },
         ..config()
     }
 }

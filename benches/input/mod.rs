@@ -50,6 +50,7 @@ impl Sequence {
                 normals: None,
                 colors: None,
                 texture_coordinates: None,
+                image: None,
             }
         };
         Self {
@@ -119,7 +120,7 @@ impl Alone {
             files: [
                 ("parse PLY", Format::Ply, ply::write(mesh)),
                 ("parse OBJ", Format::Obj, obj::write(mesh)),
-                ("parse GLB", Format::Glb, glb::write(mesh)),
+                ("parse GLB", Format::Glb, glb::write(mesh, None)),
                 ("parse DRC", Format::Drc, draco(&positions, &mesh.faces)),
             ],
             raw,

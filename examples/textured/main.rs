@@ -18,8 +18,7 @@ use anyhow::{Context, bail};
 use image::{RgbImage, imageops};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use render::{Textured, Views, difference};
-use steadymesh::pipeline::{PreparedFrame, Previous, Settings, TargetSize, process};
-use steadymesh::processing::raw_frame;
+use steadymesh::pipeline::{PreparedFrame, Previous, RawFrame, Settings, TargetSize, process};
 use steadymesh_draco::{DecodeLimits, EncodeOptions, MeshView};
 use steadymesh_mesh_io::{Limits, Mesh, obj};
 use steadymesh_proto::metrics::Tracking;
@@ -50,7 +49,11 @@ fn main() -> anyhow::Result<()> {
         let name = Path::new(&pair[0]).file_stem().unwrap_or_default();
         let name = name.to_string_lossy().into_owned();
         for (index, tracking) in [Tracking::Off, Tracking::Robust].into_iter().enumerate() {
-            let frame = PreparedFrame::new(raw_frame(mesh.clone(), 0), &mut ())?;
+            let raw = RawFrame {
+                has_image: true,
+                ..RawFrame::from_mesh(mesh.clone(), 0)
+            };
+            let frame = PreparedFrame::new(raw, &mut ())?;
             let settings = Settings {
                 target: TargetSize::Faces(target),
                 tracking,

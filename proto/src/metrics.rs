@@ -72,6 +72,12 @@ pub struct FrameMetrics {
     pub input: Input,
     /// What went out.
     pub output: Output,
+    /// The image that lies on the frame; none if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture: Option<Texture>,
+    /// Why the image that came with the frame is not delivered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture_error: Option<String>,
     /// How well the previous frame was registered; none where it was not. After a reset it says
     /// how badly.
     pub registration: Option<Registration>,
@@ -137,6 +143,24 @@ pub struct Output {
     /// Points as delivered: where a texture has a seam, a vertex has one for each side of it.
     #[serde(default)]
     pub points: usize,
+}
+
+/// The image that lies on a frame, by the frame's texture coordinates.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Texture {
+    /// Which image: 32 hexadecimal digits, the same for the same bytes.
+    pub id: String,
+    /// Its format: `image/jpeg`, `image/png`, `image/webp`, `image/avif` or `image/ktx2`.
+    pub media_type: String,
+    /// Its length.
+    pub bytes: usize,
+    /// Its width in pixels.
+    pub width: u32,
+    /// Its height in pixels.
+    pub height: u32,
+    /// Whether the server has made it smaller or another format of it; else it is as it came.
+    #[serde(default)]
+    pub encoded: bool,
 }
 
 /// How well the previous frame was registered.

@@ -26,6 +26,9 @@ pub struct StreamConfig {
     /// How the simplified mesh is compressed.
     #[serde(default, skip_serializing_if = "DracoConfig::is_default")]
     pub draco: DracoConfig,
+    /// What becomes of the images that come with frames.
+    #[serde(default, skip_serializing_if = "TextureConfig::is_default")]
+    pub texture: TextureConfig,
     /// Whether distances are measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metrics: Option<MetricsMode>,
@@ -47,6 +50,46 @@ pub struct DracoConfig {
     /// 0 (smallest) to 10 (fastest, several times larger).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<u8>,
+    /// Bits of a texture coordinate, 6 to 20.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub texture_coordinate_bits: Option<u8>,
+    /// Bits of a normal, 6 to 16.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub normal_bits: Option<u8>,
+}
+
+/// What becomes of the images that come with frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextureConfig {
+    /// In which format they are delivered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub format: Option<TextureFormat>,
+    /// The quality of a JPEG that the server makes, 1 to 100.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quality: Option<u8>,
+    /// The largest width and height, 16 to 16,384; larger images are made smaller.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_size: Option<u32>,
+}
+
+impl TextureConfig {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// In which format images are delivered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TextureFormat {
+    /// As they came, unless they are too large.
+    #[default]
+    Original,
+    /// As JPEG.
+    Jpeg,
+    /// Not at all.
+    None,
 }
 
 impl DracoConfig {

@@ -38,3 +38,18 @@ text = json.dumps(metrics).encode()
 mesh = b"DRACO"
 message = b"SMDF" + struct.pack("<HHII", 1, 0, len(text), len(mesh)) + text + mesh
 (HERE / "delivered_frame.bin").write_bytes(message)
+
+envelope = struct.pack("<H", 1)  # version
+envelope += struct.pack("<BQ", 1, 7)  # seq
+envelope += struct.pack("<B", 0)  # no capture_time_us
+obj = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+envelope += struct.pack("<I", len(obj))
+image = b"\x89PNG"
+bundle = b"SMB1" + struct.pack("<I", len(envelope)) + envelope + obj + image
+(HERE / "bundle.bin").write_bytes(bundle)
+
+metrics["texture"] = {"id": "00112233445566778899aabbccddeeff", "media_type": "image/png",
+                      "bytes": 4, "width": 2048, "height": 1024, "encoded": False}
+text = json.dumps(metrics).encode()
+message = b"SMDF" + struct.pack("<HHII", 1, 1, len(text), len(mesh)) + text + mesh + image
+(HERE / "delivered_frame_with_image.bin").write_bytes(message)

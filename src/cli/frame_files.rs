@@ -5,10 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use steadymesh_geometry::TriangleMesh;
-use steadymesh_mesh_io::{Format, Limits, Mesh, read, sniff};
+use steadymesh_mesh_io::{Format, Image, Limits, Mesh, read, sniff};
 
-use crate::pipeline::RawFrame;
-use crate::processing::raw_frame;
+use crate::pipeline::{Attributes, RawFrame};
+use crate::textures::SourceImage;
+
+use super::images;
 
 /// Files are the user's own: the limits are those of 32-bit indices and of a workstation.
 const LIMITS: Limits = Limits {
@@ -45,7 +47,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         }
         if inside.is_empty() {
             bail!(
-                "the folder {} has no .obj, .ply, .glb, .gltf, .drc or .smf files",
+                "the folder {} has no .obj, .ply, .glb, .gltf, .drc, .smf or .smb files",
                 path.display()
             );
         }
@@ -55,12 +57,37 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads one frame.
+/// Reads one frame's geometry. Its seams are left out: where they are kept, they cost closeness.
 ///
 /// # Errors
 ///
 /// What is wrong with the file, and where.
-pub(super) fn read_frame(path: &Path) -> anyhow::Result<RawFrame> {
+pub(super) fn read_geometry(path: &Path) -> anyhow::Result<RawFrame> {
+    let (_, bytes, mesh) = read_mesh(path)?;
+    Ok(RawFrame {
+        attributes: Attributes::default(),
+        ..RawFrame::from_mesh(mesh, bytes.len())
+    })
+}
+
+/// Reads one frame and the image on it: in the same file, or beside it.
+///
+/// # Errors
+///
+/// What is wrong with the file or the image, and where.
+pub(super) fn read_textured(path: &Path) -> anyhow::Result<(RawFrame, Option<SourceImage>)> {
+    let (format, bytes, mut mesh) = read_mesh(path)?;
+    if mesh.image.is_none()
+        && let Some(image) = images::beside(path, format, &bytes)?
+    {
+        mesh.image = Some(Image::new(image)?);
+    }
+    let image = mesh.image.as_ref();
+    let image = image.map(|image| SourceImage::new(image, &bytes));
+    Ok((RawFrame::from_mesh(mesh, bytes.len()), image))
+}
+
+fn read_mesh(path: &Path) -> anyhow::Result<(Format, Vec<u8>, Mesh)> {
     let bytes =
         std::fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
     if bytes.is_empty() {
@@ -68,7 +95,7 @@ pub(super) fn read_frame(path: &Path) -> anyhow::Result<RawFrame> {
     }
     let format = format_of(path, &bytes)?;
     let mesh = read(&bytes, format, &LIMITS).with_context(|| path.display().to_string())?;
-    Ok(raw_frame(mesh, bytes.len()))
+    Ok((format, bytes, mesh))
 }
 
 /// A mesh as the writers take it.
@@ -79,6 +106,7 @@ pub(super) fn to_file_mesh(mesh: &TriangleMesh) -> Mesh {
         normals: None,
         colors: None,
         texture_coordinates: None,
+        image: None,
     }
 }
 
@@ -91,7 +119,7 @@ pub(super) fn format_of(path: &Path, bytes: &[u8]) -> anyhow::Result<Format> {
     let format = format_by_name(path).or_else(|| sniff(bytes));
     format.with_context(|| {
         format!(
-            "{}: neither its name nor its content is OBJ, PLY, glTF, Draco or a native frame",
+            "{}: neither its name nor its content is OBJ, PLY, glTF, Draco, a native frame or a bundle",
             path.display()
         )
     })

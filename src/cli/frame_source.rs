@@ -1,18 +1,19 @@
 //! Where `publish` has its frames from.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::Context;
 use bytes::Bytes;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use steadymesh_mesh_io::Format;
-use steadymesh_proto::NativeFrame;
 use steadymesh_proto::wording::counted;
+use steadymesh_proto::{Bundle, NativeFrame};
 use steadymesh_synthetic_rig::{Options, Rig};
 
 use super::frame_files::{expand, format_of};
+use super::images;
 use super::progress::progress_bar;
 use crate::stopwatch::microseconds;
 
@@ -117,7 +118,7 @@ impl FrameSource {
                 let name = path.display().to_string();
                 let body = tokio::fs::read(path).await;
                 let body = body.with_context(|| format!("{name} cannot be read"))?;
-                let format = format_of(path, &body)?;
+                let (format, body) = with_image(path, body)?;
                 Ok(SourceFrame {
                     name,
                     content_type: format.content_type().into(),
@@ -133,4 +134,19 @@ impl FrameSource {
             }),
         }
     }
+}
+
+/// A frame file as it is sent: in a bundle with the image beside it, if there is one.
+fn with_image(path: &Path, mesh: Vec<u8>) -> anyhow::Result<(Format, Vec<u8>)> {
+    let format = format_of(path, &mesh)?;
+    let Some(image) = images::beside(path, format, &mesh)? else {
+        return Ok((format, mesh));
+    };
+    let bundle = Bundle {
+        seq: None,
+        capture_time_us: None,
+        mesh: &mesh,
+        image: &image,
+    };
+    Ok((Format::Bundle, bundle.encode()))
 }

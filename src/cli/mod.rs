@@ -5,15 +5,19 @@
 
 mod config;
 mod evaluate;
+mod export;
 mod frame_files;
 mod frame_source;
+mod frame_writer;
 mod health;
 mod http_publisher;
+mod images;
 mod open_files;
 mod output_files;
 mod progress;
 mod publish;
 mod publisher;
+mod receiver;
 mod recorded;
 mod remote;
 mod replay;
@@ -57,6 +61,8 @@ enum Command {
     Subscribe(subscribe::Arguments),
     /// Send a recording's raw frames to a stream again.
     Replay(replay::Arguments),
+    /// Write a stream's or a recording's frames as files that other players read.
+    Export(export::Arguments),
     /// Simplify a sequence of frame files.
     Simplify(simplify::Arguments),
     /// Compare tracking with the original QEM on sequences of frames.
@@ -77,6 +83,7 @@ pub fn run() -> ExitCode {
         Command::Publish(arguments) => publish::run(&arguments),
         Command::Subscribe(arguments) => subscribe::run(&arguments),
         Command::Replay(arguments) => replay::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Simplify(arguments) => simplify::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
     };

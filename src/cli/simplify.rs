@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
-use steadymesh_mesh_io::{glb, obj, ply};
+use clap::Args;
+use steadymesh_mesh_io::ply;
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::stream::MetricsMode;
 use steadymesh_proto::wording::counted;
@@ -16,8 +16,10 @@ use crate::pipeline::{
     process,
 };
 use crate::stopwatch::{Stopwatch, microseconds};
+use crate::textures::SourceImage;
 
-use super::frame_files::{expand, read_frame, to_file_mesh};
+use super::frame_files::{expand, read_textured, to_file_mesh};
+use super::frame_writer::{OutputFormat, write_frame};
 use super::output_files::{
     create, is_same_folder, make_folder, output_names, refuse_to_overwrite, write_file,
 };
@@ -66,25 +68,6 @@ struct TargetArguments {
     target_ratio: Option<f64>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum OutputFormat {
-    Drc,
-    Glb,
-    Ply,
-    Obj,
-}
-
-impl OutputFormat {
-    fn extension(self) -> &'static str {
-        match self {
-            Self::Drc => "drc",
-            Self::Glb => "glb",
-            Self::Ply => "ply",
-            Self::Obj => "obj",
-        }
-    }
-}
-
 /// Runs the command.
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let settings = settings(arguments);
@@ -111,8 +94,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             frame,
             output: Some(output),
         });
-        let (current, out) = simplify_one(file, before, seq, &settings)?;
-        write_frame(&arguments.output.join(name), &out, arguments.format)?;
+        let Simplified {
+            frame: current,
+            out,
+            image,
+        } = simplify_one(file, before, seq, &settings)?;
+        let stem = name.trim_end_matches(arguments.format.extension());
+        let stem = stem.trim_end_matches('.');
+        let image = image.as_ref().map(SourceImage::file);
+        let image = image.map(|(format, bytes)| (format, &bytes[..]));
+        write_frame(
+            &arguments.output,
+            stem,
+            arguments.format,
+            (&out.draco, image),
+        )?;
         if let (Some(folder), Some(registered)) = (&arguments.keep_registered, &out.registered) {
             let path = folder.join(Path::new(name).with_extension("ply"));
             write_file(&path, &ply::write(&to_file_mesh(registered)))?;
@@ -136,15 +132,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
+struct Simplified {
+    frame: PreparedFrame,
+    out: ProcessedFrame,
+    image: Option<SourceImage>,
+}
+
 fn simplify_one(
     file: &Path,
     previous: Option<Previous<'_>>,
     seq: u64,
     settings: &Settings,
-) -> anyhow::Result<(PreparedFrame, ProcessedFrame)> {
+) -> anyhow::Result<Simplified> {
     let started = Instant::now();
     let mut stopwatch = Stopwatch::start();
-    let raw = read_frame(file)?;
+    let (raw, image) = read_textured(file)?;
     stopwatch.parsed();
     let current =
         PreparedFrame::new(raw, &mut stopwatch).with_context(|| file.display().to_string())?;
@@ -154,7 +156,11 @@ fn simplify_one(
     out.metrics.reference_seq = out.registered.as_ref().map(|_| seq - 1);
     out.metrics.stage_us = stopwatch.times();
     out.metrics.latency_us = microseconds(started.elapsed());
-    Ok((current, out))
+    Ok(Simplified {
+        frame: current,
+        out,
+        image,
+    })
 }
 
 fn settings(arguments: &Arguments) -> Settings {
@@ -179,26 +185,6 @@ fn settings(arguments: &Arguments) -> Settings {
         metrics,
         ..Settings::default()
     }
-}
-
-fn write_frame(path: &Path, out: &ProcessedFrame, format: OutputFormat) -> anyhow::Result<()> {
-    let encoded;
-    let bytes = match format {
-        OutputFormat::Drc => &out.draco,
-        OutputFormat::Glb => {
-            encoded = glb::write(&to_file_mesh(&out.output.mesh));
-            &encoded
-        }
-        OutputFormat::Ply => {
-            encoded = ply::write(&to_file_mesh(&out.output.mesh));
-            &encoded
-        }
-        OutputFormat::Obj => {
-            encoded = obj::write(&to_file_mesh(&out.output.mesh));
-            &encoded
-        }
-    };
-    write_file(path, bytes)
 }
 
 /// Says what a user would want to know without having asked for metrics.

@@ -3,16 +3,15 @@
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use clap::Args;
-use futures_util::StreamExt;
-use indicatif::ProgressBar;
+use steadymesh_mesh_io::ImageFormat;
 use steadymesh_proto::DeliveredFrame;
-use steadymesh_proto::stream::{ControlMessage, EndReason};
 use steadymesh_proto::wording::counted;
-use tokio_tungstenite::tungstenite::Message;
 
+use super::frame_writer::{OutputFormat, write_frame};
 use super::progress::counter;
+use super::receiver::{Next, frame_count, receive};
 use super::remote::{Remote, TokenArgument};
 use super::stream_url::StreamUrl;
 
@@ -24,7 +23,8 @@ pub(super) struct Arguments {
     url: StreamUrl,
     #[command(flatten)]
     token: TokenArgument,
-    /// The folder for frames (`000041.drc`) and `metrics.jsonl`; made if it does not exist.
+    /// The folder for frames (`000041.drc`), their images where they change (`000041.jpg`), and
+    /// `metrics.jsonl`; made if it does not exist.
     /// Without it, the metrics go to standard output.
     #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
@@ -49,9 +49,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .enable_all()
         .build()?;
     let progress = counter();
+    // Images are of use in a folder only.
+    let wishes = arguments.output.as_ref().map(|_| ("textures", "inline"));
+    let wishes = Vec::from_iter(wishes);
     let outcome = runtime.block_on(async {
+        let take = |message: &[u8]| output.write(message);
         tokio::select! {
-            outcome = receive(&remote, arguments.frames, &mut output, &progress) => outcome,
+            outcome = receive(&remote, &wishes, arguments.frames, &progress, take) => outcome,
             signal = super::interrupted() => signal,
         }
     });
@@ -69,53 +73,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         super::say(&format!("{received} received"));
     }
     outcome.and(flushed)
-}
-
-async fn receive(
-    remote: &Remote,
-    limit: Option<u64>,
-    output: &mut Output,
-    progress: &ProgressBar,
-) -> anyhow::Result<()> {
-    let part = if remote.url.is_recording() {
-        "play"
-    } else {
-        "subscribe"
-    };
-    let mut socket = remote.connect(part, &[]).await?;
-    while limit.is_none_or(|limit| progress.position() < limit) {
-        let Some(message) = socket.next().await else {
-            bail!("the connection ended without a farewell");
-        };
-        match message.context("the connection broke")? {
-            Message::Binary(bytes) => {
-                output.write(&bytes)?;
-                if output.is_unread {
-                    break;
-                }
-                progress.inc(1);
-            }
-            // Messages of a newer server that are not known here are none of our business.
-            Message::Text(text) => match serde_json::from_str(&text) {
-                Ok(ControlMessage::Skipped { missed }) => progress.suspend(|| {
-                    super::say(&format!(
-                        "{} missed, because they came faster than they were read",
-                        counted(missed, "frame")
-                    ));
-                }),
-                Ok(ControlMessage::End { reason }) => {
-                    super::say(&format!("the stream has ended: {}", why(reason)));
-                    return Ok(());
-                }
-                Ok(ControlMessage::Hello { .. }) | Err(_) => {}
-            },
-            Message::Close(_) => return Ok(()),
-            Message::Ping(_) | Message::Pong(_) | Message::Frame(_) => {}
-        }
-    }
-    // Said so that the server need not find out.
-    socket.close(None).await.ok();
-    Ok(())
 }
 
 impl Output {
@@ -136,36 +93,26 @@ impl Output {
         })
     }
 
-    fn write(&mut self, message: &[u8]) -> anyhow::Result<()> {
+    fn write(&mut self, message: &[u8]) -> anyhow::Result<Next> {
         let frame = DeliveredFrame::decode(message).context("a message cannot be read")?;
         if let Some(folder) = &self.folder {
-            let path = folder.join(format!("{:06}.drc", frame.metrics.seq));
-            super::output_files::write_file(&path, frame.mesh)?;
+            let stem = format!("{:06}", frame.metrics.seq);
+            let texture = frame.metrics.texture.as_ref();
+            let format = texture.and_then(|t| ImageFormat::from_media_type(&t.media_type));
+            // One that has not changed has its file beside an earlier frame.
+            let image = format.zip(frame.image);
+            write_frame(folder, &stem, OutputFormat::Drc, (frame.mesh, image))?;
         }
         let mut line = serde_json::to_vec(&frame.metrics)?;
         line.push(b'\n');
         match self.metrics.write_all(&line) {
             Err(error) if error.kind() == ErrorKind::BrokenPipe && self.folder.is_none() => {
                 self.is_unread = true;
-                Ok(())
+                Ok(Next::Stop)
             }
-            written => written.context("the metrics cannot be written"),
+            written => written
+                .map(|()| Next::Go)
+                .context("the metrics cannot be written"),
         }
-    }
-}
-
-fn why(reason: EndReason) -> &'static str {
-    match reason {
-        EndReason::Deleted => "it was deleted",
-        EndReason::Idle => "no frame had come for a long time",
-        EndReason::Shutdown => "the server stops",
-        EndReason::Finished => "the recording is over",
-    }
-}
-
-fn frame_count(text: &str) -> Result<u64, String> {
-    match text.parse() {
-        Ok(count) if 0 < count => Ok(count),
-        _ => Err("a whole number of at least 1 is expected".to_owned()),
     }
 }

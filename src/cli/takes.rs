@@ -10,7 +10,7 @@ use steadymesh_synthetic_rig::Options;
 use crate::evaluation::{KnownFrame, KnownMotion, file_words};
 use crate::pipeline::PreparedFrame;
 
-use super::frame_files::{expand, read_frame};
+use super::frame_files::{expand, read_geometry};
 use super::output_files::output_names;
 
 /// A sequence of frames.
@@ -152,7 +152,7 @@ impl Take {
         match &self.source {
             Source::Files(files) => {
                 let file = files.get(seq as usize).context("there is no such frame")?;
-                let prepared = PreparedFrame::new(read_frame(file)?, &mut ())
+                let prepared = PreparedFrame::new(read_geometry(file)?, &mut ())
                     .with_context(|| file.display().to_string())?;
                 let known = None;
                 Ok(TakenFrame { prepared, known })

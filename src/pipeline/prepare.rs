@@ -6,6 +6,7 @@ use steadymesh_geometry::mesh::repair::repair;
 use steadymesh_geometry::mesh::{BoundingBox, InvalidMesh};
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Point, TriangleMesh};
+use steadymesh_mesh_io::Mesh;
 use steadymesh_proto::metrics::Input;
 
 use super::attributes::{Attributes, CornerAttributes};
@@ -28,8 +29,34 @@ pub struct RawFrame {
     pub repeated_points: usize,
     /// Vertices of the file that have no point since no face refers to them.
     pub pointless_vertices: usize,
+    /// Whether an image lies on it: its seams are held in their places then, which costs closeness
+    /// elsewhere and would be for nothing where nothing is to be seen.
+    pub has_image: bool,
     /// The length of the body it came in, in bytes.
     pub byte_count: usize,
+}
+
+impl RawFrame {
+    /// A mesh as it was read from `byte_count` bytes, with one value per point in every attribute.
+    #[must_use]
+    pub fn from_mesh(mesh: Mesh, byte_count: usize) -> Self {
+        let has_image = mesh.image.is_some();
+        let points = mesh.into_points();
+        let mesh = points.mesh;
+        Self {
+            positions: mesh.positions,
+            faces: mesh.faces,
+            attributes: Attributes {
+                normals: mesh.normals.map(|a| a.values),
+                colors: mesh.colors.map(|a| a.values),
+                texture_coordinates: mesh.texture_coordinates.map(|a| a.values),
+            },
+            repeated_points: points.repeated,
+            pointless_vertices: points.left_out,
+            has_image,
+            byte_count,
+        }
+    }
 }
 
 /// Why a frame cannot be used.
@@ -67,6 +94,7 @@ pub enum UnusableFrame {
 pub struct PreparedFrame {
     mesh: TriangleMesh,
     attributes: Option<CornerAttributes>,
+    has_image: bool,
     /// Made when it is first asked for: it takes part in this frame's registration and in the
     /// next one's.
     surface: OnceLock<Option<Arc<TriangleTree>>>,
@@ -114,6 +142,7 @@ impl PreparedFrame {
             bounds: mesh.bounding_box(),
             mesh,
             attributes,
+            has_image: raw.has_image,
             surface: OnceLock::new(),
             input,
         })
@@ -128,6 +157,11 @@ impl PreparedFrame {
     /// What the mesh's corners look like, if the frame said so.
     pub(super) fn attributes(&self) -> Option<&CornerAttributes> {
         self.attributes.as_ref()
+    }
+
+    /// Whether an image lies on it.
+    pub(super) fn has_image(&self) -> bool {
+        self.has_image
     }
 
     /// The tree over the repaired mesh's surface; none if it has no faces, which does not come

@@ -133,7 +133,7 @@ pub fn process_registered(
         _ => Hold::Nothing,
     };
     let simplified;
-    (simplified, metrics.tracking) = hold.simplify(current.mesh(), settings);
+    (simplified, metrics.tracking) = hold.simplify(current, settings);
     let attributes = current.attributes();
     let attributes = attributes.map(|a| a.of_simplified(current.mesh(), &simplified));
     observer.ended(Stage::Simplify);
@@ -186,12 +186,14 @@ enum Hold<'a> {
 }
 
 impl Hold<'_> {
-    fn simplify(&self, mesh: &TriangleMesh, settings: &Settings) -> (Simplified, Tracking) {
+    fn simplify(&self, current: &PreparedFrame, settings: &Settings) -> (Simplified, Tracking) {
+        let mesh = current.mesh();
         let target = settings.target.faces_of(mesh.face_count());
-        let options = simplification::Options {
-            refines: settings.refines,
-            ..simplification::Options::to_faces(target)
-        };
+        let mut options = simplification::Options::to_faces(target);
+        options.refines = settings.refines;
+        if !current.has_image() {
+            options.seam_weight = 0.0;
+        }
         match self {
             Self::Nothing => (simplify(mesh, None, &options), Tracking::Off),
             Self::Reference(reference) => {

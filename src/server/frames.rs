@@ -9,7 +9,7 @@ use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use steadymesh_mesh_io::glb::DracoInfo;
-use steadymesh_mesh_io::{Format, Limits, drc, glb, ply};
+use steadymesh_mesh_io::{Format, ImageFormat, Limits, drc, glb, ply};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::recording::Track;
 
@@ -25,6 +25,9 @@ use super::{App, recordings};
 /// A frame does not change, but its number comes again when the stream is deleted and begun
 /// anew: caches are asked to look again after this many seconds.
 const MAX_AGE_SECS: u32 = 60;
+
+/// Of what changes with the next frame.
+pub(super) const ASK_AGAIN: &str = "no-cache";
 
 /// For our own bytes: the limits are there to be given, not to be reached.
 const UNLIMITED: Limits = Limits {
@@ -77,7 +80,7 @@ pub(super) async fn get_frame(
     let seq = frame.metrics.seq;
     let etag = format!("\"{:x}-{seq}-{}\"", stream.created_us(), format.extension());
     let cache = match which {
-        Which::Latest => "no-cache".to_owned(),
+        Which::Latest => ASK_AGAIN.to_owned(),
         // What a token opened is nobody else's.
         Which::Number(_) if app.is_open() => format!("public, max-age={MAX_AGE_SECS}"),
         Which::Number(_) => format!("private, max-age={MAX_AGE_SECS}"),
@@ -93,7 +96,7 @@ pub(super) async fn get_frame(
     }
     let bytes = match format {
         Format::Drc => frame.mesh,
-        _ => convert(&app, frame.mesh, format).await?,
+        _ => convert(&app, frame, format).await?,
     };
     let content_type = HeaderValue::from_static(format.content_type());
     Ok((common, [(header::CONTENT_TYPE, content_type)], bytes).into_response())
@@ -107,17 +110,8 @@ pub(super) async fn get_frame_metrics(
     Strict(NoParameters {}): Strict<NoParameters>,
 ) -> Result<Response, Problem> {
     app.authorize(&credential, Scope::Subscribe, &name)?;
-    let which = parse_which(&seq).ok_or_else(|| {
-        Problem::not_found(format!(
-            "there is no frame {seq}: ask for a number or \"latest\""
-        ))
-    })?;
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
-    let frame = find(&app, &stream, which).await?;
-    Ok(([(header::CACHE_CONTROL, "no-cache")], Json(&frame.metrics)).into_response())
+    let frame = frame(&app, &name, &seq).await?;
+    Ok(([(header::CACHE_CONTROL, ASK_AGAIN)], Json(&frame.metrics)).into_response())
 }
 
 /// `GET /v1/streams/{stream}/metrics?last=N`.
@@ -136,7 +130,7 @@ pub(super) async fn get_metrics(
         stream: name.to_string(),
         frames: frames.iter().map(|frame| frame.metrics.clone()).collect(),
     };
-    Ok(([(header::CACHE_CONTROL, "no-cache")], Json(list)).into_response())
+    Ok(([(header::CACHE_CONTROL, ASK_AGAIN)], Json(list)).into_response())
 }
 
 /// A frame that is out.
@@ -144,6 +138,30 @@ pub(super) struct Frame {
     pub metrics: FrameMetrics,
     /// The Draco bytes.
     pub mesh: Bytes,
+    /// The image on it.
+    pub image: Option<Bytes>,
+}
+
+/// The frame that `seq` in a path, a number or "latest", says.
+pub(super) async fn frame(app: &App, name: &StreamName, seq: &str) -> Result<Frame, Problem> {
+    let which = parse_which(seq).ok_or_else(|| {
+        Problem::not_found(format!(
+            "there is no frame {seq}: ask for a number or \"latest\""
+        ))
+    })?;
+    let stream = app
+        .registry
+        .get(name)
+        .ok_or_else(|| Problem::no_stream(name))?;
+    find(app, &stream, which).await
+}
+
+/// How long what belongs to a frame may be kept.
+pub(super) fn max_age(seq: &str) -> &'static str {
+    match parse_which(seq) {
+        Some(Which::Number(_)) => "max-age=60",
+        _ => ASK_AGAIN,
+    }
 }
 
 impl From<Arc<Delivered>> for Frame {
@@ -151,6 +169,7 @@ impl From<Arc<Delivered>> for Frame {
         Self {
             metrics: frame.metrics.clone(),
             mesh: frame.mesh.clone(),
+            image: frame.image.clone(),
         }
     }
 }
@@ -216,17 +235,29 @@ fn not_there(stream: &Stream, name: &StreamName, seq: u64) -> String {
     }
 }
 
-/// Writes Draco bytes in another format, on the pool.
-pub(super) async fn convert(app: &App, mesh: Bytes, format: Format) -> Result<Bytes, Problem> {
+/// Writes a frame in another format than Draco, on the pool.
+pub(super) async fn convert(app: &App, frame: Frame, format: Format) -> Result<Bytes, Problem> {
     let job = move || -> Option<Bytes> {
         let bytes = match format {
-            Format::Glb => glb::wrap_draco(&mesh, &DracoInfo::read(&mesh, &UNLIMITED).ok()?),
-            _ => ply::write(&drc::read(&mesh, &UNLIMITED).ok()?),
+            Format::Glb => to_glb(&frame)?,
+            _ => ply::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?),
         };
         Some(Bytes::from(bytes))
     };
     let converted = app.pool.run(Length::Short, job).await.ok().flatten();
     converted.ok_or_else(|| Problem::defect("the frame could not be converted"))
+}
+
+fn to_glb(frame: &Frame) -> Option<Vec<u8>> {
+    let info = DracoInfo::read(&frame.mesh, &UNLIMITED).ok()?;
+    let texture = frame.metrics.texture.as_ref();
+    let format = texture.and_then(|texture| ImageFormat::from_media_type(&texture.media_type));
+    let image = format.zip(frame.image.as_deref());
+    if image.is_none() && info.texture_coordinate_id.is_some() {
+        // In a Draco file v points up, and without an image glTF has no means to say so.
+        return Some(glb::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?, None));
+    }
+    Some(glb::wrap_draco(&frame.mesh, &info, image))
 }
 
 fn parse_file(file: &str) -> Option<(Which, Format)> {

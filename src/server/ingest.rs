@@ -12,7 +12,7 @@ use bytes::Bytes;
 use serde::Deserialize;
 use steadymesh_mesh_io::{Format, ReadError, sniff};
 use steadymesh_proto::stream::Accepted;
-use steadymesh_proto::{NativeFrame, metrics::FrameMetrics};
+use steadymesh_proto::{Bundle, NativeFrame, NativeStamps, metrics::FrameMetrics};
 
 use crate::processing::NotAFrame;
 use crate::streams::{Loss, Outcome, Refused, Stream, Submission};
@@ -22,10 +22,12 @@ use super::auth::Scope;
 use super::body;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
+use super::multipart;
 use super::prefer::Wait;
 
 const TYPES: &str = "model/obj, model/ply, model/gltf-binary, model/gltf+json, \
-                     application/vnd.draco, application/vnd.steadymesh.frame, or \
+                     application/vnd.draco, application/vnd.steadymesh.frame, \
+                     application/vnd.steadymesh.bundle, multipart/form-data, or \
                      application/octet-stream to let the server find out";
 
 /// 2^53 - 1, the largest number that players in every language can tell from its neighbours.
@@ -111,11 +113,19 @@ async fn take_frame(
     // A place is taken once the frame is there: a rig whose network stalls holds none.
     let place = stream.reserve(stamps.takeover)?;
     let arrived = Instant::now();
-    let format = match declared {
-        Some(format) => format,
-        None => sniffed_format(&bytes)?,
+    let (bytes, format) = match declared {
+        Declared::Format(format) => (bytes, format),
+        Declared::Nothing => {
+            let format = sniffed_format(&bytes)?;
+            (bytes, format)
+        }
+        Declared::Parts { boundary } => {
+            let bytes = multipart::join(bytes, boundary).await?;
+            let format = sniffed_format(&bytes)?;
+            (bytes, format)
+        }
     };
-    let stamps = with_native_stamps(stamps, format, &bytes)?;
+    let stamps = with_own_stamps(stamps, format, &bytes)?;
     let submission = Submission {
         bytes,
         format,
@@ -126,8 +136,18 @@ async fn take_frame(
     Ok(place.submit(submission)?.accepted().await?)
 }
 
-/// The format that the headers name; none if the server is to find out.
-fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
+/// What the headers say of a body.
+#[derive(Debug)]
+enum Declared {
+    Format(Format),
+    /// The server is to find out.
+    Nothing,
+    Parts {
+        boundary: String,
+    },
+}
+
+fn declared_format(headers: &HeaderMap) -> Result<Declared, Problem> {
     if let Some(encoding) = headers.get(header::CONTENT_ENCODING)
         && !encoding.as_bytes().eq_ignore_ascii_case(b"identity")
     {
@@ -138,9 +158,12 @@ fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
         )));
     }
     let Some(content_type) = headers.get(header::CONTENT_TYPE) else {
-        return Ok(None);
+        return Ok(Declared::Nothing);
     };
     let text = String::from_utf8_lossy(content_type.as_bytes());
+    if let Some(boundary) = multipart::boundary(&text)? {
+        return Ok(Declared::Parts { boundary });
+    }
     let essence = text.split(';').next().unwrap_or_default().trim();
     // The second is what curl says unless it is told otherwise.
     let says_nothing = [
@@ -151,10 +174,10 @@ fn declared_format(headers: &HeaderMap) -> Result<Option<Format>, Problem> {
         .iter()
         .any(|name| essence.eq_ignore_ascii_case(name))
     {
-        return Ok(None);
+        return Ok(Declared::Nothing);
     }
     match Format::from_content_type(essence) {
-        Some(format) => Ok(Some(format)),
+        Some(format) => Ok(Declared::Format(format)),
         None => Err(Problem::unsupported_type(format!(
             "the Content-Type is {essence}: send {TYPES}"
         ))),
@@ -168,25 +191,23 @@ pub(super) fn sniffed_format(bytes: &Bytes) -> Result<Format, Problem> {
     }
     sniff(bytes).ok_or_else(|| {
         Problem::unsupported_type(format!(
-            "the body begins like none of OBJ, PLY, GLB, Draco and native frames: send one of \
-             these, and say which by its Content-Type: {TYPES}"
+            "the body begins like none of OBJ, PLY, GLB, Draco, native frames and bundles: send \
+             one of these, and say which by its Content-Type: {TYPES}"
         ))
     })
 }
 
-/// A native frame says itself which one it is; what is said beside it has the last word.
-pub(super) fn with_native_stamps(
+/// A native frame or a bundle says itself which one it is; what is said beside it has the last word.
+pub(super) fn with_own_stamps(
     stamps: Stamps,
     format: Format,
     bytes: &Bytes,
 ) -> Result<Stamps, Problem> {
     let mut stamps = stamps;
-    if format == Format::Native && !bytes.is_empty() {
-        let own = NativeFrame::stamps(bytes);
-        let own = own.map_err(|error| Refused::from(NotAFrame::from(ReadError::from(error))))?;
-        stamps.seq = stamps.seq.or(own.seq);
-        stamps.capture_time_us = stamps.capture_time_us.or(own.capture_time_us);
-    }
+    let own = own_stamps(format, bytes);
+    let own = own.map_err(|error| Refused::from(NotAFrame::from(error)))?;
+    stamps.seq = stamps.seq.or(own.seq);
+    stamps.capture_time_us = stamps.capture_time_us.or(own.capture_time_us);
     for (name, value) in [
         ("seq", stamps.seq),
         ("capture_time_us", stamps.capture_time_us),
@@ -198,6 +219,28 @@ pub(super) fn with_native_stamps(
         }
     }
     Ok(stamps)
+}
+
+/// What a body says of itself: a bundle, and in its place the native frame in it.
+fn own_stamps(format: Format, bytes: &[u8]) -> Result<NativeStamps, ReadError> {
+    if bytes.is_empty() {
+        return Ok(NativeStamps::default());
+    }
+    match format {
+        Format::Native => Ok(NativeFrame::stamps(bytes)?),
+        Format::Bundle => {
+            let bundle = Bundle::decode(bytes)?;
+            let own = match sniff(bundle.mesh) {
+                Some(Format::Native) => NativeFrame::stamps(bundle.mesh)?,
+                _ => NativeStamps::default(),
+            };
+            Ok(NativeStamps {
+                seq: bundle.seq.or(own.seq),
+                capture_time_us: bundle.capture_time_us.or(own.capture_time_us),
+            })
+        }
+        _ => Ok(NativeStamps::default()),
+    }
 }
 
 /// 202 at once, or 200 with the frame's metrics once it is out.

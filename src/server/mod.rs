@@ -15,6 +15,7 @@ mod frames;
 mod host;
 mod ingest;
 mod internal;
+mod multipart;
 mod origin;
 mod playback;
 mod player;
@@ -25,6 +26,7 @@ mod request_log;
 mod router;
 mod socket;
 mod subscribe;
+mod textures;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};

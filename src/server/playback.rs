@@ -26,6 +26,7 @@ use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, Handshake,
     NotSent, Outgoing, SILENCE,
 };
+use super::textures::{self, Sent, Textures};
 
 /// Players say little.
 const MAX_MESSAGE_BYTES: usize = 4096;
@@ -47,6 +48,9 @@ pub(super) struct Wishes {
     speed: f64,
     from_seq: Option<u64>,
     from_us: Option<u64>,
+    /// How it wants to have images.
+    #[serde(default)]
+    textures: Textures,
     /// Has been read as a credential.
     #[serde(rename = "ticket")]
     _ticket: Option<String>,
@@ -96,6 +100,8 @@ pub(super) async fn play(
         last_seq: None,
         look_again: None,
         is_over: false,
+        textures: wishes.textures,
+        sent: Sent::default(),
         _place: place,
     };
     let shared = Arc::clone(&app);
@@ -194,6 +200,8 @@ struct Player {
     look_again: Option<Instant>,
     /// There are no more frames; a player that is paused may still jump back.
     is_over: bool,
+    textures: Textures,
+    sent: Sent,
     _place: OwnedSemaphorePermit,
 }
 
@@ -381,7 +389,8 @@ impl Player {
         let now = Instant::now();
         let time = frame.frame.time_us();
         self.last_seq = Some(frame.frame.seq);
-        outgoing.feed(Message::Binary(frame.body)).await?;
+        let message = textures::recorded(frame.body, self.textures, &mut self.sent);
+        outgoing.feed(Message::Binary(message)).await?;
         outgoing.flush().await?;
         self.clock.sent(time, due.unwrap_or(now), now);
         Ok(())

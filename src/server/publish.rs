@@ -24,7 +24,7 @@ use super::auth::Scope;
 use super::connection::Link;
 use super::error::Problem;
 use super::extract::{Asking, Strict};
-use super::ingest::{Stamps, sniffed_format, with_native_stamps};
+use super::ingest::{Stamps, sniffed_format, with_own_stamps};
 use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_SUPERSEDED, Chatter, Handshake,
     NotSent, Outgoing, SILENCE,
@@ -284,7 +284,7 @@ impl Connection<'_> {
     fn hand_in(&self, stamps: Stamps, bytes: Bytes) -> Result<Ticket, Problem> {
         let place = self.rig.publication.reserve()?;
         let format = sniffed_format(&bytes)?;
-        let stamps = with_native_stamps(stamps, format, &bytes)?;
+        let stamps = with_own_stamps(stamps, format, &bytes)?;
         Ok(place.submit(Submission {
             bytes,
             format,

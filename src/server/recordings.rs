@@ -188,7 +188,7 @@ pub(super) async fn get_frame(
     }
     let bytes = match format {
         Format::Drc => frame.mesh,
-        _ => frames::convert(&app, frame.mesh, format).await?,
+        _ => frames::convert(&app, frame, format).await?,
     };
     let content_type = [(header::CONTENT_TYPE, format.content_type())];
     Ok((common, content_type, bytes).into_response())
@@ -243,7 +243,7 @@ fn cache(app: &App) -> String {
     format!("{who}, {MAX_AGE}")
 }
 
-fn number(text: &str) -> Result<u64, Problem> {
+pub(super) fn number(text: &str) -> Result<u64, Problem> {
     frames::parse_number(text)
         .ok_or_else(|| Problem::not_found(format!("there is no frame {text}: ask for a number")))
 }
@@ -256,6 +256,7 @@ pub(super) fn frame(stored: StoredFrame) -> Result<Frame, Problem> {
     let decoded = decoded.map_err(|error| Problem::defect(format!("a recorded frame: {error}")))?;
     Ok(Frame {
         mesh: body.slice_ref(decoded.mesh),
+        image: decoded.image.map(|image| body.slice_ref(image)),
         metrics: decoded.metrics,
     })
 }

@@ -12,7 +12,7 @@ use tower_http::catch_panic::CatchPanicLayer;
 use super::error::Problem;
 use super::{
     App, access, control, description, frames, host, ingest, origin, playback, player, publish,
-    recordings, request_log, subscribe,
+    recordings, request_log, subscribe, textures,
 };
 
 /// A configuration is a few hundred bytes.
@@ -24,6 +24,8 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .get(control::get_stream)
         .delete(control::delete_stream);
     let frame_metrics = get(frames::get_frame_metrics);
+    let frame_texture = get(textures::get_frame_texture);
+    let texture = get(textures::get_texture);
     let tape = put(control::put_recording).delete(control::delete_recording);
     Router::new()
         .route("/", get(player::index))
@@ -37,6 +39,8 @@ pub(super) fn router(app: Arc<App>) -> Router {
         .route("/v1/streams/{stream}/frames", post(ingest::post_frame))
         .route("/v1/streams/{stream}/frames/{file}", get(frames::get_frame))
         .route("/v1/streams/{stream}/frames/{seq}/metrics", frame_metrics)
+        .route("/v1/streams/{stream}/frames/{seq}/texture", frame_texture)
+        .route("/v1/streams/{stream}/textures/{id}", texture)
         .route("/v1/streams/{stream}/metrics", get(frames::get_metrics))
         .route("/v1/streams/{stream}/publish", get(publish::publish))
         .route("/v1/streams/{stream}/subscribe", get(subscribe::subscribe))
@@ -74,6 +78,7 @@ fn recording() -> Router<Arc<App>> {
         .route("/frames", get(recordings::get_frames))
         .route("/frames/{file}", get(recordings::get_frame))
         .route("/frames/{seq}/metrics", get(recordings::get_frame_metrics))
+        .route("/frames/{seq}/texture", get(textures::get_recorded_texture))
         .route("/raw/{seq}", get(recordings::get_raw_frame))
         .route("/play", get(playback::play))
 }

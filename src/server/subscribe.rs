@@ -24,6 +24,7 @@ use super::socket::{
     self, CLOSE_CHATTER, CLOSE_EXPIRED, CLOSE_SILENT, CLOSE_TOO_FAR_BEHIND, Chatter, Handshake,
     NotSent, Outgoing, SILENCE, text_of,
 };
+use super::textures::{Sent, Textures};
 
 /// Players say nothing but pongs and farewells.
 const MAX_MESSAGE_BYTES: usize = 4096;
@@ -36,6 +37,9 @@ const MAX_BATCH: usize = 16;
 pub(super) struct Wishes {
     /// At most so many frames a second; the newest ones.
     max_fps: Option<f64>,
+    /// How it wants to have images.
+    #[serde(default)]
+    textures: Textures,
     /// Has been read as a credential.
     #[serde(rename = "ticket")]
     _ticket: Option<String>,
@@ -78,7 +82,7 @@ pub(super) async fn subscribe(
     handshake: Handshake,
 ) -> Result<Response, Problem> {
     let access = app.authorize(&credential, Scope::Subscribe, &name)?;
-    let pace = wishes.pace()?;
+    let (pace, textures) = (wishes.pace()?, wishes.textures);
     // Before the handshake is judged, so that a plain GET learns whether the stream is there.
     let stream = app
         .registry
@@ -94,7 +98,12 @@ pub(super) async fn subscribe(
     let shared = Arc::clone(&app);
     let serve = async move |socket, access| {
         app.telemetry.connections.inc();
-        let reader = Reader { seat, access, pace };
+        let reader = Reader {
+            seat,
+            access,
+            pace,
+            textures,
+        };
         serve(socket, &reader, app.options().send_timeout).await;
         app.telemetry.connections.dec();
     };
@@ -108,6 +117,7 @@ struct Reader {
     access: Access,
     /// The least time between two frames.
     pace: Duration,
+    textures: Textures,
 }
 
 /// Sends frames until one side has enough.
@@ -137,6 +147,7 @@ async fn send_frames(outgoing: &mut Outgoing, reader: &Reader) -> Farewell {
         return Farewell::TooFarBehind;
     }
     let mut pings = socket::pings();
+    let mut images = (reader.textures, Sent::default());
     loop {
         let sent = tokio::select! {
             delivery = subscription.next_paced(reader.pace) => {
@@ -145,7 +156,7 @@ async fn send_frames(outgoing: &mut Outgoing, reader: &Reader) -> Farewell {
                     outgoing.say(&ControlMessage::End { reason }).await.ok();
                     return Farewell::Ended(reason);
                 }
-                deliver(outgoing, &delivery, &mut subscription).await
+                deliver(outgoing, &delivery, &mut subscription, &mut images).await
             }
             _ = pings.tick() => outgoing.ping().await,
         };
@@ -161,19 +172,26 @@ async fn deliver(
     outgoing: &mut Outgoing,
     first: &Delivery,
     subscription: &mut Subscription,
+    images: &mut (Textures, Sent),
 ) -> Result<(), NotSent> {
-    outgoing.feed(message_of(first)?).await?;
+    outgoing.feed(message_of(first, images)?).await?;
     for _ in 1..MAX_BATCH {
         let Some(next) = subscription.next_if_there() else {
             break;
         };
-        outgoing.feed(message_of(&next)?).await?;
+        outgoing.feed(message_of(&next, images)?).await?;
     }
     outgoing.flush().await
 }
 
-fn message_of(delivery: &Delivery) -> Result<Message, NotSent> {
+fn message_of(
+    delivery: &Delivery,
+    (wishes, sent): &mut (Textures, Sent),
+) -> Result<Message, NotSent> {
     match delivery {
+        Delivery::Frame(frame) if *wishes == Textures::Inline && sent.is_new(&frame.metrics) => {
+            Ok(Message::Binary(frame.message_with_image()))
+        }
         Delivery::Frame(frame) => Ok(Message::Binary(frame.message.clone())),
         Delivery::Skipped(missed) => text_of(&ControlMessage::Skipped { missed: *missed }),
         Delivery::End(reason) => text_of(&ControlMessage::End { reason: *reason }),

@@ -15,6 +15,9 @@ pub struct Delivered {
     pub message: Bytes,
     /// The Draco bytes: the end of `message`.
     pub mesh: Bytes,
+    /// The image that [`FrameMetrics::texture`] says of, which is not in `message`. Frames with the
+    /// same one share it.
+    pub image: Option<Bytes>,
     /// How many frames of the stream came out before this one.
     ordinal: u64,
 }
@@ -25,30 +28,44 @@ pub(super) struct Encoded {
     metrics: FrameMetrics,
     message: Bytes,
     mesh: Bytes,
+    image: Option<Bytes>,
 }
 
 impl Encoded {
     /// Encodes what was made here.
-    pub fn new(metrics: FrameMetrics, draco: &[u8]) -> Self {
+    pub fn new(metrics: FrameMetrics, draco: &[u8], image: Option<Bytes>) -> Self {
         let frame = DeliveredFrame {
             metrics,
             mesh: draco,
+            image: None,
         };
         let message = Bytes::from(frame.encode());
         Self {
             mesh: message.slice(message.len() - draco.len()..),
             message,
             metrics: frame.metrics,
+            image,
         }
     }
 
     /// Reads what was encoded elsewhere.
     pub fn read(message: Bytes) -> Result<Self, InvalidDeliveredFrame> {
-        let DeliveredFrame { metrics, mesh } = DeliveredFrame::decode(&message)?;
+        let frame = DeliveredFrame::decode(&message)?;
+        let Some(image) = frame.image else {
+            return Ok(Self {
+                mesh: message.slice_ref(frame.mesh),
+                metrics: frame.metrics,
+                image: None,
+                message,
+            });
+        };
+        let alone = Bytes::from(DeliveredFrame::without_image(&message, image));
         Ok(Self {
-            metrics,
-            mesh: message.slice_ref(mesh),
-            message,
+            mesh: alone.slice(alone.len() - frame.mesh.len()..),
+            metrics: frame.metrics,
+            // Not the whole message, of which it would be a part for as long as it is shared.
+            image: Some(Bytes::copy_from_slice(image)),
+            message: alone,
         })
     }
 }
@@ -87,7 +104,7 @@ pub enum Outcome {
 pub struct HistoryLimits {
     /// Most frames.
     pub frames: usize,
-    /// Most bytes of their messages.
+    /// Most bytes of their messages and images.
     pub bytes: usize,
 }
 
@@ -98,7 +115,7 @@ pub(super) struct History {
     /// Numbers are ascending, with gaps where the rig has left some out.
     entries: VecDeque<(u64, Outcome)>,
     limits: HistoryLimits,
-    /// What the messages of all entries take.
+    /// What the messages of all entries take, and the images, which follow each other.
     bytes: usize,
     delivered: u64,
 }
@@ -116,22 +133,31 @@ impl History {
     /// Adds the outcome of the next frame.
     pub fn push(&mut self, seq: u64, outcome: Outcome) {
         let entry = (seq, outcome);
-        self.bytes += byte_count(&entry);
+        self.bytes += byte_count(&entry) + own_image(&entry, self.entries.back());
         self.entries.push_back(entry);
         while 1 < self.entries.len() && self.is_too_large() {
-            self.bytes -= self.entries.pop_front().as_ref().map_or(0, byte_count);
+            if let Some(oldest) = self.entries.pop_front() {
+                self.bytes -= byte_count(&oldest) + own_image(&oldest, self.entries.front());
+            }
         }
     }
 
     fn is_too_large(&self) -> bool {
-        let newest = || self.newest().map_or(0, |frame| frame.message.len());
+        let newest = || self.newest().map_or(0, |frame| frame.byte_count());
         self.limits.frames < self.entries.len()
             || (self.limits.bytes < self.bytes && newest() < self.bytes)
     }
 
     /// Adds a frame that is out.
     pub fn deliver(&mut self, frame: Encoded) -> Arc<Delivered> {
+        // One that is there already is kept once.
+        let before = self.newest().filter(|newest| {
+            let id = |metrics: &FrameMetrics| metrics.texture.as_ref().map(|t| t.id.clone());
+            id(&newest.metrics) == id(&frame.metrics)
+        });
+        let shared = before.and_then(|newest| newest.image.clone());
         let delivered = Arc::new(Delivered {
+            image: shared.or(frame.image),
             metrics: frame.metrics,
             message: frame.message,
             mesh: frame.mesh,
@@ -162,6 +188,15 @@ impl History {
         self.entries.range(start..).find_map(delivered)
     }
 
+    /// The newest image of this name, with its figures.
+    pub fn texture(&self, id: &str) -> Option<&Arc<Delivered>> {
+        let mut newest_first = self.entries.iter().rev().filter_map(delivered);
+        newest_first.find(|frame| {
+            let texture = frame.metrics.texture.as_ref();
+            texture.is_some_and(|texture| texture.id == id)
+        })
+    }
+
     /// The newest frame that is out.
     pub fn newest(&self) -> Option<&Arc<Delivered>> {
         self.entries.iter().rev().find_map(delivered)
@@ -177,6 +212,19 @@ impl History {
 }
 
 impl Delivered {
+    /// The message with the image, if there is one.
+    #[must_use]
+    pub fn message_with_image(&self) -> Bytes {
+        match &self.image {
+            Some(image) => DeliveredFrame::with_image(&self.message, image).into(),
+            None => self.message.clone(),
+        }
+    }
+
+    fn byte_count(&self) -> usize {
+        self.message.len() + self.image.as_ref().map_or(0, Bytes::len)
+    }
+
     /// How many frames came out between `earlier` and this one.
     pub(super) fn frames_since(&self, earlier: &Self) -> u64 {
         self.ordinal.saturating_sub(earlier.ordinal + 1)
@@ -185,6 +233,16 @@ impl Delivered {
 
 fn byte_count(entry: &(u64, Outcome)) -> usize {
     delivered(entry).map_or(0, |frame| frame.message.len())
+}
+
+/// The length of an entry's image, unless its neighbour has the same.
+fn own_image(entry: &(u64, Outcome), neighbour: Option<&(u64, Outcome)>) -> usize {
+    let image = |entry| delivered(entry).and_then(|frame| frame.image.as_ref());
+    let Some(own) = image(entry) else { return 0 };
+    let is_shared = neighbour
+        .and_then(image)
+        .is_some_and(|other| other.as_ptr() == own.as_ptr());
+    if is_shared { 0 } else { own.len() }
 }
 
 fn delivered(entry: &(u64, Outcome)) -> Option<&Arc<Delivered>> {
@@ -197,6 +255,7 @@ fn delivered(entry: &(u64, Outcome)) -> Option<&Arc<Delivered>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use steadymesh_proto::metrics::Texture;
 
     fn remembering(frames: usize) -> History {
         History::new(HistoryLimits {
@@ -211,7 +270,7 @@ mod tests {
             ..FrameMetrics::default()
         };
         let draco = format!("mesh {seq}");
-        history.deliver(Encoded::new(metrics, draco.as_bytes()))
+        history.deliver(Encoded::new(metrics, draco.as_bytes(), None))
     }
 
     #[test]
@@ -244,6 +303,56 @@ mod tests {
         history.push(11, Outcome::Lost(Loss::Overload));
         assert!(history.find(9).is_none());
         assert_eq!(history.newest().map(|frame| frame.metrics.seq), Some(10));
+    }
+
+    fn deliver_textured(history: &mut History, seq: u64, id: &str) -> Arc<Delivered> {
+        let texture = Texture {
+            id: id.to_owned(),
+            ..Texture::default()
+        };
+        let metrics = FrameMetrics {
+            seq,
+            texture: Some(texture),
+            ..FrameMetrics::default()
+        };
+        let image = Bytes::from(vec![7; 1000]);
+        history.deliver(Encoded::new(metrics, b"mesh", Some(image)))
+    }
+
+    #[test]
+    fn an_image_is_kept_once_and_counted_once() {
+        let mut history = remembering(3);
+        let first = deliver_textured(&mut history, 1, "a");
+        let message = first.message.len();
+        for (seq, id, images) in [
+            (2, "a", 1),
+            (3, "b", 2),
+            (4, "b", 2),
+            (5, "b", 1),
+            (6, "a", 2),
+        ] {
+            deliver_textured(&mut history, seq, id);
+            let frames = history.entries.len();
+            assert_eq!(history.bytes, frames * message + images * 1000, "{seq}");
+        }
+        history.push(7, Outcome::Lost(Loss::Failed));
+        history.push(8, Outcome::Lost(Loss::Failed));
+        history.push(9, Outcome::Lost(Loss::Failed));
+        assert_eq!(history.bytes, 0);
+    }
+
+    #[test]
+    fn an_image_is_found_by_its_name_and_read_from_other_nodes() {
+        let mut history = remembering(3);
+        let frame = deliver_textured(&mut history, 1, "a");
+        let message = frame.message_with_image();
+        let mut other = remembering(3);
+        let read = other.deliver(Encoded::read(message.clone()).unwrap());
+        assert_eq!((&read.message, &read.image), (&frame.message, &frame.image));
+        assert_eq!(read.message_with_image(), message);
+        assert_eq!(&read.mesh[..], b"mesh");
+        let found = other.texture("a").map(|frame| frame.metrics.seq);
+        assert_eq!((found, other.texture("b").is_none()), (Some(1), true));
     }
 
     #[test]

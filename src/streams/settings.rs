@@ -1,17 +1,24 @@
 //! From a stream's configuration, as users write it, to the pipeline's settings.
 
 use serde::{Deserialize, Serialize};
+use steadymesh_draco::EncodeOptions;
 use steadymesh_proto::recording::Record;
-use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig};
+use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig, TextureConfig};
 
 use crate::pipeline::{InvalidSettings, Settings, TargetSize, TrackingStrength};
+use crate::textures::TextureSettings;
 
 use super::StreamPattern;
 
 /// Quantization that makes sense: below, a figure looks like building blocks; above, a
 /// 32-bit float has no more to give.
 pub const POSITION_BITS: std::ops::RangeInclusive<u8> = 6..=20;
-const MAX_SPEED: u8 = 10;
+const TEXTURE_COORDINATE_BITS: std::ops::RangeInclusive<u8> = 6..=20;
+const NORMAL_BITS: std::ops::RangeInclusive<u8> = 6..=16;
+const SPEED: std::ops::RangeInclusive<u8> = 0..=10;
+const QUALITY: std::ops::RangeInclusive<u8> = 1..=100;
+/// The same limit as that of images that come in.
+const MAX_SIZE: std::ops::RangeInclusive<u32> = 16..=16_384;
 
 /// A configuration that has been checked, with what it means.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +27,8 @@ pub struct Configured {
     pub config: StreamConfig,
     /// The same for the pipeline.
     pub settings: Settings,
+    /// What becomes of the images that come with its frames.
+    pub texture: TextureSettings,
     /// What happens when frames come too fast.
     pub overload: Overload,
     /// What is recorded.
@@ -47,21 +56,17 @@ pub enum InvalidConfig {
     /// The target or the tracking's strength is out of range.
     #[error(transparent)]
     Settings(#[from] InvalidSettings),
-    /// Too coarse, or finer than a 32-bit float.
-    #[error(
-        "draco.position_bits is {found}: it must be from {} to {}",
-        POSITION_BITS.start(),
-        POSITION_BITS.end()
-    )]
-    PositionBits {
+    /// A number out of its range.
+    #[error("{name} is {found}: it must be from {min} to {max}")]
+    OutOfRange {
+        /// The field.
+        name: &'static str,
         /// What was asked for.
-        found: u8,
-    },
-    /// Draco has no such speed.
-    #[error("draco.speed is {found}: it must be from 0 (smallest) to {MAX_SPEED} (fastest)")]
-    Speed {
-        /// What was asked for.
-        found: u8,
+        found: u32,
+        /// The smallest.
+        min: u32,
+        /// The largest.
+        max: u32,
     },
     /// Something is to be recorded, and the server has no place for it.
     #[error(
@@ -97,19 +102,7 @@ impl Configured {
         let metrics = first(layers, |layer| layer.metrics).unwrap_or_default();
         let overload = first(layers, |layer| layer.overload).unwrap_or_default();
         let record = first(layers, |layer| layer.record).unwrap_or_default();
-        let mut draco = own.draco;
-        if let Some(bits) = first(layers, |layer| layer.draco.position_bits) {
-            if !POSITION_BITS.contains(&bits) {
-                return Err(InvalidConfig::PositionBits { found: bits });
-            }
-            draco.position_bits = bits;
-        }
-        if let Some(speed) = first(layers, |layer| layer.draco.speed) {
-            if speed > MAX_SPEED {
-                return Err(InvalidConfig::Speed { found: speed });
-            }
-            draco.speed = speed;
-        }
+        let (draco, texture) = (draco(layers, own.draco)?, texture(layers)?);
         let (target_faces, target_ratio) = match target {
             TargetSize::Faces(faces) => (Some(faces), None),
             TargetSize::Ratio(ratio) => (None, Some(ratio)),
@@ -123,6 +116,13 @@ impl Configured {
                 draco: DracoConfig {
                     position_bits: Some(draco.position_bits),
                     speed: Some(draco.speed),
+                    texture_coordinate_bits: Some(draco.texture_coordinate_bits),
+                    normal_bits: Some(draco.normal_bits),
+                },
+                texture: TextureConfig {
+                    format: Some(texture.format),
+                    quality: Some(texture.quality),
+                    max_size: texture.max_size,
                 },
                 metrics: Some(metrics),
                 overload: Some(overload),
@@ -136,10 +136,75 @@ impl Configured {
                 metrics,
                 ..own
             },
+            texture,
             overload,
             record,
         })
     }
+}
+
+fn draco(layers: &[&StreamConfig], own: EncodeOptions) -> Result<EncodeOptions, InvalidConfig> {
+    let asked = |value: fn(&DracoConfig) -> Option<u8>| first(layers, |layer| value(&layer.draco));
+    let mut draco = own;
+    for (name, found, range, field) in [
+        (
+            "draco.position_bits",
+            asked(|draco| draco.position_bits),
+            POSITION_BITS,
+            &mut draco.position_bits,
+        ),
+        (
+            "draco.texture_coordinate_bits",
+            asked(|draco| draco.texture_coordinate_bits),
+            TEXTURE_COORDINATE_BITS,
+            &mut draco.texture_coordinate_bits,
+        ),
+        (
+            "draco.normal_bits",
+            asked(|draco| draco.normal_bits),
+            NORMAL_BITS,
+            &mut draco.normal_bits,
+        ),
+        (
+            "draco.speed",
+            asked(|draco| draco.speed),
+            SPEED,
+            &mut draco.speed,
+        ),
+    ] {
+        if let Some(found) = found {
+            *field = within(name, found, &range)?;
+        }
+    }
+    Ok(draco)
+}
+
+fn texture(layers: &[&StreamConfig]) -> Result<TextureSettings, InvalidConfig> {
+    let own = TextureSettings::default();
+    let quality = first(layers, |layer| layer.texture.quality);
+    let max_size = first(layers, |layer| layer.texture.max_size);
+    let max_size = max_size.map(|size| within("texture.max_size", size, &MAX_SIZE));
+    Ok(TextureSettings {
+        format: first(layers, |layer| layer.texture.format).unwrap_or(own.format),
+        quality: within("texture.quality", quality.unwrap_or(own.quality), &QUALITY)?,
+        max_size: max_size.transpose()?,
+    })
+}
+
+fn within<T: Copy + PartialOrd + Into<u32>>(
+    name: &'static str,
+    found: T,
+    range: &std::ops::RangeInclusive<T>,
+) -> Result<T, InvalidConfig> {
+    if range.contains(&found) {
+        return Ok(found);
+    }
+    Err(InvalidConfig::OutOfRange {
+        name,
+        found: found.into(),
+        min: (*range.start()).into(),
+        max: (*range.end()).into(),
+    })
 }
 
 /// The value of the first layer that has one.
@@ -210,6 +275,19 @@ mod tests {
                 "draco.position_bits is 40",
             ),
             (r#"{"draco": {"speed": 11}}"#, "draco.speed is 11"),
+            (
+                r#"{"draco": {"texture_coordinate_bits": 5}}"#,
+                "draco.texture_coordinate_bits is 5: it must be from 6 to 20",
+            ),
+            (
+                r#"{"draco": {"normal_bits": 17}}"#,
+                "draco.normal_bits is 17",
+            ),
+            (
+                r#"{"texture": {"quality": 0}}"#,
+                "texture.quality is 0: it must be from 1 to 100",
+            ),
+            (r#"{"texture": {"max_size": 15}}"#, "texture.max_size is 15"),
         ] {
             let message = parse(asked, "{}").unwrap_err().to_string();
             assert!(message.contains(name), "{asked}: {message}");

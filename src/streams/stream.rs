@@ -174,6 +174,12 @@ impl Stream {
         self.history().find(seq).cloned()
     }
 
+    /// The newest frame with the image of this name.
+    #[must_use]
+    pub fn textured(&self, id: &str) -> Option<Arc<Delivered>> {
+        self.history().texture(id).cloned()
+    }
+
     /// The newest frame that is out.
     #[must_use]
     pub fn newest(&self) -> Option<Arc<Delivered>> {
@@ -429,7 +435,7 @@ impl Stream {
         }
         self.events.frame(&self.name, &frame.metrics);
         if records {
-            self.tape.output(&frame.metrics, &frame.message);
+            self.tape.output(&frame);
         }
         self.counters
             .bytes_out

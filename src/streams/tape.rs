@@ -2,14 +2,12 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bytes::Bytes;
-use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::recording::{Record, RecordingEnd, Track};
 use steadymesh_proto::stream::{EndReason, RecordingStatus};
 
 use crate::storage::{RawFrame, Recorder, RecordingKey, Recordings};
 
-use super::{Configured, StreamName};
+use super::{Configured, Delivered, StreamName};
 
 /// The recording of a stream, where there is one: each time that it is configured to record
 /// something else, the next begins.
@@ -81,9 +79,11 @@ impl Tape {
         }
     }
 
-    pub(super) fn output(&self, metrics: &FrameMetrics, message: &Bytes) {
-        if let Some(recorder) = &*self.lock() {
-            recorder.output(metrics, message);
+    pub(super) fn output(&self, frame: &Delivered) {
+        let recorder = self.lock().clone();
+        let takes = |recorder: &Arc<Recorder>| recorder.record().has(Track::Output);
+        if let Some(recorder) = recorder.filter(takes) {
+            recorder.output(&frame.metrics, &frame.message_with_image());
         }
     }
 

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use futures_util::StreamExt;
-use futures_util::future::{BoxFuture, FutureExt, ready};
+use futures_util::future::{BoxFuture, FutureExt, OptionFuture, join, ready};
 use futures_util::stream::FuturesOrdered;
 use steadymesh_mesh_io::Limits;
 use steadymesh_proto::metrics::{Quality, StageTimes};
@@ -28,8 +28,9 @@ use tracing::{Instrument, Span};
 
 use crate::compute::{ComputePool, JobPanicked, Length};
 use crate::pipeline::{Output, PreparedFrame};
-use crate::processing::{self, Job, Lost, Outcome, prepare};
+use crate::processing::{self, Job, Lost, Outcome, Prepared, prepare};
 use crate::storage::RawFrame;
+use crate::textures::{self, Made, SourceImage};
 
 use super::history::{Encoded, Loss};
 use super::intake::{Incoming, Refused};
@@ -79,13 +80,14 @@ struct Read {
     reply: oneshot::Sender<Result<Accepted, Refused>>,
     place: OwnedSemaphorePermit,
     span: Span,
-    prepared: Result<(PreparedFrame, StageTimes), Refused>,
+    prepared: Result<Prepared, Refused>,
 }
 
 /// An accepted frame that has not been started on.
 struct Waiting {
     stamps: Stamps,
     frame: Arc<PreparedFrame>,
+    image: Option<SourceImage>,
     times: StageTimes,
     span: Span,
     /// Given back when the frame is started on.
@@ -99,6 +101,7 @@ struct Done {
     quality: Quality,
     span: Span,
     outcome: Outcome,
+    texture: Option<Made>,
 }
 
 /// Everything that changes while a stream lives.
@@ -113,6 +116,8 @@ struct State {
     /// What becomes of it, once it is known; closed if it is lost.
     previous_output: Option<oneshot::Receiver<Output>>,
     latest_seq: Option<u64>,
+    /// The image of the newest frame that has one.
+    image: Option<textures::Newest>,
     ladder: Ladder,
 }
 
@@ -241,7 +246,11 @@ impl Task {
             Some(refused) => Err(refused),
             None => read.prepared,
         };
-        let (frame, times) = match prepared {
+        let Prepared {
+            frame,
+            image,
+            times,
+        } = match prepared {
             Ok(prepared) => prepared,
             Err(refused) => {
                 let answer = match refused {
@@ -278,6 +287,7 @@ impl Task {
         state.waiting.push_back(Waiting {
             stamps,
             frame,
+            image,
             times,
             span: read.span,
             _place: (overload == Overload::Lossless).then_some(read.place),
@@ -313,6 +323,7 @@ impl Task {
                 quality: Quality::default(),
                 span: oldest.span,
                 outcome: Err(Lost::Overload),
+                texture: None,
             };
             state.processing.push_back(ready(done).boxed());
         }
@@ -335,6 +346,7 @@ impl Task {
             let Some(Waiting {
                 stamps,
                 frame,
+                image,
                 times,
                 span,
                 ..
@@ -356,8 +368,14 @@ impl Task {
                 times,
             };
             let previous_output = state.previous_output.replace(output);
+            let making = image.map(|image| {
+                let before = state.image.take();
+                let newest = textures::begin(&self.pool, image, configured.texture, before);
+                state.image.insert(newest).making()
+            });
             state.processing.push_back(Box::pin(async move {
-                let outcome = job.run(previous_output).instrument(span.clone()).await;
+                let outcome = job.run(previous_output).instrument(span.clone());
+                let (outcome, texture) = join(outcome, OptionFuture::from(making)).await;
                 if let Ok((processed, _)) = &outcome {
                     // Whoever comes next may do without.
                     sender.send(processed.output.clone()).ok();
@@ -368,6 +386,7 @@ impl Task {
                     quality,
                     span,
                     outcome,
+                    texture,
                 }
             }));
         }
@@ -380,6 +399,7 @@ impl Task {
             previous_seq,
             quality,
             outcome,
+            texture,
             ..
         } = done;
         let stream = &self.stream;
@@ -398,8 +418,10 @@ impl Task {
                     times,
                     latency: stamps.arrived.elapsed(),
                 };
-                let metrics = stamps.stamp(processed.metrics);
-                stream.deliver(Encoded::new(metrics, &processed.draco));
+                let metrics = stamps.stamp(processed.metrics, texture.as_ref());
+                let texture = texture.and_then(Result::ok).flatten();
+                let image = texture.map(|texture| texture.bytes.clone());
+                stream.deliver(Encoded::new(metrics, &processed.draco, image));
                 return;
             }
             Err(Lost::Overload) => Loss::Overload,

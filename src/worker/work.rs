@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use bytes::Bytes;
+use futures_util::future::{OptionFuture, join};
 use steadymesh_mesh_io::Format;
 use steadymesh_proto::DeliveredFrame;
 use steadymesh_proto::metrics::{Quality, StageTimes};
@@ -13,8 +14,9 @@ use tokio::sync::OwnedSemaphorePermit;
 use crate::bus::{BusError, Frame, Job, Outcome, Position, Processed};
 use crate::compute::Length;
 use crate::pipeline::{Output, PreparedFrame, Settings};
-use crate::processing::{self, Lost, Stamps, prepare};
+use crate::processing::{self, Lost, Prepared, Stamps, prepare};
 use crate::streams::Configured;
+use crate::textures::{self, SourceImage};
 
 use super::board::Fate;
 use super::{Permits, RETRY, Shared};
@@ -47,6 +49,7 @@ impl From<BusError> for Stop {
 /// What a frame is processed with.
 struct Inputs {
     frame: Arc<PreparedFrame>,
+    image: Option<SourceImage>,
     times: StageTimes,
     previous: Option<(Position, u64, Arc<PreparedFrame>)>,
 }
@@ -181,6 +184,10 @@ async fn compute(
         previous: previous.map(|(_, _, frame)| Arc::clone(frame)),
         times: inputs.times,
     };
+    let making = OptionFuture::from(inputs.image.map(|image| {
+        let (pool, settings) = (&shared.pool, configured.texture);
+        textures::begin(pool, image, settings, None).making()
+    }));
     let registration = match work.register().await {
         Ok(registration) => registration,
         Err(lost) => return Ok(Err(failed(frame, &lost))),
@@ -196,7 +203,9 @@ async fn compute(
         }
         _ => None,
     };
-    let (processed, times) = match work.finish(registration, output).await {
+    let finished = join(work.finish(registration, output), making);
+    let (finished, texture) = finished.await;
+    let (processed, times) = match finished {
         Ok(done) => done,
         Err(lost) => return Ok(Err(failed(frame, &lost))),
     };
@@ -209,10 +218,15 @@ async fn compute(
         times,
         latency: age(frame),
     };
-    let metrics = stamps.stamp(processed.metrics);
+    let metrics = stamps.stamp(processed.metrics, texture.as_ref());
     shared.telemetry.worker.processed(&metrics);
-    let mesh = &processed.draco;
-    Ok(Ok(DeliveredFrame { metrics, mesh }.encode().into()))
+    let texture = texture.and_then(Result::ok).flatten();
+    let frame = DeliveredFrame {
+        metrics,
+        mesh: &processed.draco,
+        image: texture.as_ref().map(|texture| &*texture.bytes),
+    };
+    Ok(Ok(frame.encode().into()))
 }
 
 fn failed(frame: &Frame, lost: &Lost) -> DropReason {
@@ -223,11 +237,12 @@ fn failed(frame: &Frame, lost: &Lost) -> DropReason {
 /// The frame and its predecessor, from this worker's memory or from the bus.
 async fn inputs(shared: &Shared, job: &Job, settings: &Settings) -> Result<Inputs, Stop> {
     let read = async |frame: &Frame, position: Position| {
-        let (prepared, times) = prepared(shared, frame).await.map_err(Stop::Unreadable)?;
-        shared.cache.keep_frame(position, &prepared);
-        Ok::<_, Stop>((prepared, times))
+        let prepared = prepared(shared, frame).await.map_err(Stop::Unreadable)?;
+        let frame = Arc::new(prepared.frame);
+        shared.cache.keep_frame(position, &frame);
+        Ok::<_, Stop>((frame, prepared.times, prepared.image))
     };
-    let (frame, times) = read(&job.frame, job.position).await?;
+    let (frame, times, image) = read(&job.frame, job.position).await?;
     let previous = match job.frame.predecessor.filter(|_| settings.registers()) {
         None => None,
         Some(before) => match shared.cache.frame(before.position) {
@@ -238,22 +253,20 @@ async fn inputs(shared: &Shared, job: &Job, settings: &Settings) -> Result<Input
                 Some(previous) => read(&previous, before.position)
                     .await
                     .ok()
-                    .map(|(previous, _)| (before.position, before.seq, previous)),
+                    .map(|(previous, ..)| (before.position, before.seq, previous)),
             },
         },
     };
     Ok(Inputs {
         frame,
+        image,
         times,
         previous,
     })
 }
 
 /// Parses and repairs a frame that a gateway has found to be a good one.
-async fn prepared(
-    shared: &Shared,
-    frame: &Frame,
-) -> Result<(Arc<PreparedFrame>, StageTimes), String> {
+async fn prepared(shared: &Shared, frame: &Frame) -> Result<Prepared, String> {
     let format = Format::from_content_type(&frame.content_type);
     let format = format.ok_or_else(|| format!("its type is {}", frame.content_type))?;
     let (body, limits) = (frame.body.clone(), shared.options.limits);
@@ -261,7 +274,7 @@ async fn prepared(
         .pool
         .run(Length::Short, move || prepare(&body, format, &limits));
     match run.await {
-        Ok(Ok((frame, times))) => Ok((Arc::new(frame), times)),
+        Ok(Ok(prepared)) => Ok(prepared),
         Ok(Err(error)) => Err(error.to_string()),
         Err(panicked) => Err(panicked.to_string()),
     }

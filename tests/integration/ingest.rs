@@ -67,7 +67,10 @@ async fn every_format_is_known_by_its_type_and_by_its_first_bytes() {
     for (content_type, body) in [
         ("model/obj", steadymesh_mesh_io::obj::write(&mesh)),
         ("application/x-ply", steadymesh_mesh_io::ply::write(&mesh)),
-        ("model/gltf-binary", steadymesh_mesh_io::glb::write(&mesh)),
+        (
+            "model/gltf-binary",
+            steadymesh_mesh_io::glb::write(&mesh, None),
+        ),
         ("application/vnd.steadymesh.frame", rig),
     ] {
         for named in [content_type, "application/octet-stream"] {

@@ -25,6 +25,7 @@ mod recordings;
 mod security;
 mod subscribe;
 mod support;
+mod textures;
 mod traces;
 mod tracking;
 mod webhooks;

@@ -41,6 +41,7 @@ fn into_mesh(decoded: DecodedMesh) -> Result<Mesh, ReadError> {
         normals: normals.map(Attribute::per_vertex),
         colors: decoded.colors.map(Attribute::per_vertex),
         texture_coordinates: decoded.texture_coordinates.map(Attribute::per_vertex),
+        image: None,
     })
 }
 

@@ -109,6 +109,25 @@ pub enum ReadError {
     /// A native frame does not make sense.
     #[error("native frame: {0}")]
     Native(#[from] steadymesh_proto::InvalidNativeFrame),
+    /// A bundle does not make sense.
+    #[error("bundle: {0}")]
+    Bundle(#[from] steadymesh_proto::InvalidBundle),
+    /// A bundle whose mesh is a bundle.
+    #[error(
+        "bundle: there is a bundle inside of a bundle; its mesh must be a mesh file or a native frame"
+    )]
+    BundleInBundle,
+    /// A bundle's mesh is none.
+    #[error(
+        "bundle: the bundle's mesh begins like none of OBJ, PLY, glTF, Draco and native frames"
+    )]
+    BundledMesh,
+    /// An image cannot be used.
+    #[error("the image: {message}")]
+    Image {
+        /// What is wrong.
+        message: String,
+    },
     /// Draco data cannot be decoded.
     #[error(transparent)]
     Draco(DecodeError),

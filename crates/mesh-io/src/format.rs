@@ -14,12 +14,14 @@ pub enum Format {
     Drc,
     /// Steadymesh's own: a bincode envelope and raw arrays.
     Native,
+    /// One of the others with an image: Steadymesh's own.
+    Bundle,
 }
 
 /// A format, its file extensions and its content types; the first of each is preferred.
 type Names = (Format, &'static [&'static str], &'static [&'static str]);
 
-const NAMES: [Names; 5] = [
+const NAMES: [Names; 6] = [
     (Format::Obj, &["obj"], &["model/obj"]),
     (Format::Ply, &["ply"], &["model/ply", "application/x-ply"]),
     (
@@ -32,6 +34,11 @@ const NAMES: [Names; 5] = [
         Format::Native,
         &["smf"],
         &[steadymesh_proto::NATIVE_CONTENT_TYPE],
+    ),
+    (
+        Format::Bundle,
+        &["smb"],
+        &[steadymesh_proto::BUNDLE_CONTENT_TYPE],
     ),
 ];
 
@@ -78,6 +85,7 @@ impl Format {
             Self::Glb => &NAMES[2],
             Self::Drc => &NAMES[3],
             Self::Native => &NAMES[4],
+            Self::Bundle => &NAMES[5],
         }
     }
 }

@@ -5,18 +5,23 @@
 //! finite and within the range of a 32-bit float, every index in range. Nothing is
 //! repaired: duplicate vertices and degenerate faces stay.
 //!
-//! One module per format: [`obj`], [`ply`], [`glb`], [`drc`] and [`native`]. All of them take
-//! hostile bytes: no count is believed before it is compared with what is there.
+//! One module per format: [`obj`], [`ply`], [`glb`], [`drc`] and [`native`], and
+//! [`bundle`] for one of these with an image. All of them take hostile bytes: no count is believed before it is compared with what is there.
+//!
+//! Texture coordinates have v pointing up, as in OBJ files; those of glTF files are turned over.
+//! Images are looked at as far as their headers go.
 //!
 //! Positions are `f64` because text and PLY doubles hold that much; lengths are in
 //! the mesh's own unit.
 
+pub mod bundle;
 mod check;
 mod cursor;
 pub mod drc;
 mod error;
 mod format;
 pub mod glb;
+mod image;
 mod mesh;
 pub mod native;
 pub mod obj;
@@ -26,6 +31,7 @@ mod sniff;
 
 pub use error::ReadError;
 pub use format::Format;
+pub use image::{Image, ImageBytes, ImageFormat, ImageInfo};
 pub use mesh::{Attribute, Mesh};
 pub use per_vertex::PointMesh;
 pub use sniff::sniff;
@@ -54,5 +60,6 @@ pub fn read(bytes: &[u8], format: Format, limits: &Limits) -> Result<Mesh, ReadE
         Format::Glb => glb::read(bytes, limits),
         Format::Drc => drc::read(bytes, limits),
         Format::Native => native::read(bytes, limits),
+        Format::Bundle => bundle::read(bytes, limits),
     }
 }

@@ -1,5 +1,7 @@
 //! The mesh that readers give and writers take.
 
+use crate::Image;
+
 /// A triangle mesh as its file has it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
@@ -11,8 +13,10 @@ pub struct Mesh {
     pub normals: Option<Attribute<[f32; 3]>>,
     /// Red, green, blue, alpha, 0 to 255.
     pub colors: Option<Attribute<[u8; 4]>>,
-    /// Texture coordinates, usually 0 to 1.
+    /// Texture coordinates, usually 0 to 1, v upwards: (0, 0) is the lower left corner of the image.
     pub texture_coordinates: Option<Attribute<[f32; 2]>>,
+    /// The image that lies on it. Writers other than [`glb`](crate::glb)'s leave it out.
+    pub image: Option<Image>,
 }
 
 /// Values on the vertices or on the corners of a mesh.

@@ -59,6 +59,7 @@ impl Mesh {
             normals: normals.map(|a| gather(a, &keys, 1)),
             colors: colors.map(|a| gather(a, &keys, 2)),
             texture_coordinates: coordinates.map(|a| gather(a, &keys, 3)),
+            image: self.image.clone(),
         })
     }
 

@@ -5,7 +5,7 @@ use crate::{Format, glb};
 
 /// The format that `bytes` begin like, if any.
 ///
-/// PLY, GLB, Draco and native frames have signatures. glTF text is a JSON object with an `asset`,
+/// PLY, GLB, Draco, native frames and bundles have signatures. glTF text is a JSON object with an `asset`,
 /// which the format asks for. OBJ is recognized by its first vertex record, with nothing but
 /// comments and other OBJ records before it.
 #[must_use]
@@ -18,6 +18,9 @@ pub fn sniff(bytes: &[u8]) -> Option<Format> {
     }
     if bytes.starts_with(b"SMF1") {
         return Some(Format::Native);
+    }
+    if bytes.starts_with(b"SMB1") {
+        return Some(Format::Bundle);
     }
     if bytes.starts_with(b"ply") && bytes.get(3).is_some_and(u8::is_ascii_whitespace) {
         return Some(Format::Ply);

@@ -80,7 +80,7 @@ fn parse_times() {
         time("  as PLY", &ply::write(&mesh), Format::Ply);
         time(
             "  as GLB",
-            &steadymesh_mesh_io::glb::write(&mesh),
+            &steadymesh_mesh_io::glb::write(&mesh, None),
             Format::Glb,
         );
     }

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use steadymesh_draco::{EncodeOptions, MeshView, encode_with_info};
-use steadymesh_mesh_io::{Format, Limits, glb, obj, ply, read, sniff};
+use steadymesh_mesh_io::{Format, ImageFormat, Limits, glb, obj, ply, read, sniff};
 use support::tetrahedron;
 
 /// Counts what the current thread holds, so that tests can run side by side.
@@ -93,11 +93,14 @@ fn read_all(bytes: &[u8]) {
                 .flatten()
                 .all(|&index| (index as usize) < count)
         );
-        for write in [obj::write, ply::write, glb::write] {
+        for write in [obj::write, ply::write, |mesh: &_| glb::write(mesh, None)] {
             assert!(!write(&mesh).is_empty());
         }
     }
 }
+
+/// As much of an image as is looked at.
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x08\0\0\0\x04";
 
 fn valid_files() -> Vec<Vec<u8>> {
     let mesh = tetrahedron();
@@ -108,7 +111,7 @@ fn valid_files() -> Vec<Vec<u8>> {
         faces: &mesh.faces,
         normals: None,
         colors: None,
-        texture_coordinates: None,
+        texture_coordinates: Some(&[[0.0; 2], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]]),
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
     let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
@@ -121,9 +124,18 @@ fn valid_files() -> Vec<Vec<u8>> {
         ascii.as_bytes().to_vec(),
         ascii.replace("0 0 0\n1 0 0", "0 0\n0 1 0 0").into_bytes(),
         ascii.replace('\n', "\r").into_bytes(),
-        glb::write(&mesh),
+        glb::write(&mesh, None),
         gltf().into_bytes(),
-        glb::wrap_draco(&encoded.bytes, &info),
+        glb::wrap_draco(&encoded.bytes, &info, None),
+        glb::wrap_draco(&encoded.bytes, &info, Some((ImageFormat::Png, PNG))),
+        glb::write(&mesh, Some((ImageFormat::Webp, PNG))),
+        steadymesh_proto::Bundle {
+            seq: Some(1),
+            capture_time_us: None,
+            mesh: &obj::write(&mesh),
+            image: PNG,
+        }
+        .encode(),
         encoded.bytes,
     ]
 }

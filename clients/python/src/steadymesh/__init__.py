@@ -22,6 +22,7 @@ from ._metrics import (
     Residual,
     StageTimes,
     Statistics,
+    Texture,
 )
 from ._publisher import Publisher
 from ._streams import StreamInfo, configure, delete, frame, latest, metrics, stream, streams
@@ -70,6 +71,7 @@ __all__ = [
     "SteadymeshError",
     "StreamInfo",
     "Subscription",
+    "Texture",
     "configure",
     "decode_draco",
     "delete",

@@ -72,12 +72,29 @@ class Input:
 
 @dataclass(frozen=True)
 class Output:
-    """What went out; ``bytes`` is its length in Draco."""
+    """What went out; ``bytes`` is its length in Draco.
+
+    ``points`` is how many points the mesh is delivered with: where a texture has a seam, a vertex has
+    one for each side of it.
+    """
 
     vertices: int = 0
     faces: int = 0
     bytes: int = 0
     target_reached: bool = False
+    points: int = 0
+
+
+@dataclass(frozen=True)
+class Texture:
+    """The image on a frame: its name, its format and its size; ``encoded`` if the server made it."""
+
+    id: str = ""
+    media_type: str = ""
+    bytes: int = 0
+    width: int = 0
+    height: int = 0
+    encoded: bool = False
 
 
 @dataclass(frozen=True)
@@ -140,6 +157,8 @@ class FrameMetrics:
       surface and to the nearest vertex of the frames; ``current_to_output``: from each vertex of
       the frame to the simplified surface. None where the stream's ``metrics`` are ``off``.
     - ``consistency``: what has come back of the previous result; None without a registration.
+    - ``texture``: the image on it; None without one. ``texture_error``: why one that came with it is
+      not delivered.
     - ``bbox_diagonal``: of the frame's bounding box.
     - ``latency_us``: from the arrival of the whole frame to its delivery, in microseconds.
     - ``raw``: all of it, as the server sent it.
@@ -162,6 +181,8 @@ class FrameMetrics:
     reset: str | None = None
     quality: str = "full"
     consistency: Consistency | None = None
+    texture: Texture | None = None
+    texture_error: str | None = None
     raw: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
@@ -185,8 +206,14 @@ class FrameMetrics:
             reset=document.get("reset"),
             quality=document.get("quality", "full"),
             consistency=_consistency(document.get("consistency")),
+            texture=_texture(document.get("texture")),
+            texture_error=document.get("texture_error"),
             raw=document,
         )
+
+
+def _texture(document: Any) -> Texture | None:
+    return None if document is None else _flat(Texture, document)
 
 
 def _consistency(document: Any) -> Consistency | None:

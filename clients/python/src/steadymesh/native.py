@@ -39,6 +39,7 @@ Buffer = Union[bytes, bytearray, memoryview]
 
 _MAGIC = b"SMF1"
 _DELIVERED_MAGIC = b"SMDF"
+_HAS_IMAGE = 1
 _VERSION = 1
 
 
@@ -259,18 +260,22 @@ class _EnvelopeReader:
 def decode_delivered(message: Buffer) -> tuple[dict[str, Any], bytes]:
     """Reads a delivered frame: its metrics, as they are in JSON, and its Draco bytes.
 
+    An image behind them, which has to be asked for, is left out.
+
     Raises InvalidMessageError.
     """
     if len(message) < 16:
         raise InvalidMessageError(f"{len(message)} bytes are less than the header of 16")
-    magic, version, _flags, metrics_bytes, mesh_bytes = struct.unpack_from("<4sHHII", message)
+    magic, version, flags, metrics_bytes, mesh_bytes = struct.unpack_from("<4sHHII", message)
     if magic != _DELIVERED_MAGIC:
         raise InvalidMessageError('a delivered frame starts with the bytes "SMDF"')
     if version != _VERSION:
         raise InvalidMessageError(
             f"version {version} of the delivered frame, but only version {_VERSION} is known"
         )
-    if 16 + metrics_bytes + mesh_bytes != len(message):
+    end = 16 + metrics_bytes + mesh_bytes
+    has_image = flags & _HAS_IMAGE != 0
+    if len(message) < end or (not has_image and end < len(message)):
         raise InvalidMessageError(
             f"{metrics_bytes} bytes of metrics and {mesh_bytes} of mesh, but the message has "
             f"{len(message) - 16} for both"
@@ -281,7 +286,7 @@ def decode_delivered(message: Buffer) -> tuple[dict[str, Any], bytes]:
         raise InvalidMessageError(f"the metrics cannot be read: {error}") from error
     if not isinstance(metrics, dict) or not isinstance(metrics.get("seq"), int):
         raise InvalidMessageError("the metrics are not an object with a seq")
-    return metrics, bytes(message[16 + metrics_bytes :])
+    return metrics, bytes(message[16 + metrics_bytes : end])
 
 
 def encode_delivered(metrics: Mapping[str, Any], drc: bytes) -> bytes:

@@ -1,4 +1,4 @@
-//! The parts of the JSON document that describe geometry.
+//! The parts of the JSON document that describe geometry and the image on it.
 
 use super::malformed;
 use crate::ReadError;
@@ -68,6 +68,75 @@ pub(super) struct Document {
     pub(super) buffer_views: Array<BufferView>,
     #[serde(default)]
     pub(super) buffers: Array<Buffer>,
+    #[serde(default)]
+    pub(super) materials: Array<Material>,
+    #[serde(default)]
+    pub(super) textures: Array<Texture>,
+    #[serde(default)]
+    pub(super) images: Array<ImageEntry>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Material {
+    pub(super) pbr_metallic_roughness: Option<Surface>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Surface {
+    pub(super) base_color_texture: Option<TextureInfo>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct TextureInfo {
+    pub(super) index: usize,
+    #[serde(default)]
+    pub(super) extensions: InfoExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct InfoExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    pub(super) transform: Option<TextureTransform>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct TextureTransform {
+    pub(super) offset: Option<[f64; 2]>,
+    #[serde(default)]
+    pub(super) rotation: f64,
+    pub(super) scale: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Texture {
+    pub(super) source: Option<usize>,
+    #[serde(default)]
+    pub(super) extensions: TextureExtensions,
+}
+
+/// Other formats than JPEG and PNG.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "EXT_texture_avif")]
+    pub(super) avif: Option<OtherSource>,
+    #[serde(rename = "EXT_texture_webp")]
+    pub(super) webp: Option<OtherSource>,
+    #[serde(rename = "KHR_texture_basisu")]
+    pub(super) basisu: Option<OtherSource>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct OtherSource {
+    pub(super) source: Option<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct ImageEntry {
+    pub(super) uri: Option<String>,
+    pub(super) buffer_view: Option<usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -99,6 +168,7 @@ pub(super) struct Primitive {
     pub(super) attributes: BTreeMap<String, usize>,
     pub(super) indices: Option<usize>,
     pub(super) mode: Option<u32>,
+    pub(super) material: Option<usize>,
     #[serde(default)]
     pub(super) extensions: PrimitiveExtensions,
 }
@@ -173,7 +243,7 @@ pub(super) struct Buffer {
     pub(super) byte_length: usize,
 }
 
-/// Required extensions that are understood, or that leave geometry alone.
+/// Required extensions that are understood, or that leave geometry and coordinates alone.
 const SUPPORTED: [&str; 2] = ["KHR_draco_mesh_compression", "KHR_mesh_quantization"];
 const HARMLESS_PREFIXES: [&str; 6] = [
     "KHR_materials_",

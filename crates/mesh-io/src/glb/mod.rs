@@ -1,4 +1,4 @@
-//! glTF 2.0, with its geometry only: the binary container GLB and, for reading, JSON text with
+//! glTF 2.0, with its geometry and the image on it: the binary container GLB and, for reading, JSON text with
 //! its buffers inside.
 //!
 //! Sources: "glTF 2.0 Specification" (Khronos Group, 2.0.1), and its extensions
@@ -13,6 +13,7 @@ mod json_text;
 mod primitive;
 mod read;
 mod scene;
+mod texture;
 mod transform;
 mod wrap_draco;
 mod write;

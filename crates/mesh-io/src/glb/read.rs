@@ -2,12 +2,12 @@
 
 use super::accessor::Source;
 use super::buffers::Buffers;
-use super::document::{self, MeshEntry, entry};
+use super::document::{self, MeshEntry, TextureInfo, entry};
 use super::primitive::{self, Mode, Room, Vertices};
 use super::transform::Transform;
-use super::{container, malformed, scene};
+use super::{container, malformed, scene, texture};
 use crate::{Attribute, Limits, Mesh, ReadError, check};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Reads the triangles of a glTF file's default scene as one mesh: of a binary container (.glb)
 /// or of JSON text (.gltf) whose buffers are `data:` URIs.
@@ -15,8 +15,9 @@ use std::collections::BTreeMap;
 /// Meshes are put where their nodes place them (mirrored ones with their winding
 /// turned) and appended in the order of the hierarchy; primitives of one mesh that
 /// share their attributes share vertices. `NORMAL`, `COLOR_0` and `TEXCOORD_0` are
-/// kept if every primitive has them. Points, lines, skins, morph targets, materials
-/// and cameras are ignored.
+/// kept if every primitive has them. The image is that of the materials' base color, if it is in the
+/// file and all primitives that have one have the same. Points, lines, skins, morph targets, the rest
+/// of the materials, and cameras are ignored.
 ///
 /// # Errors
 ///
@@ -37,7 +38,11 @@ pub fn read(bytes: &[u8], limits: &Limits) -> Result<Mesh, ReadError> {
         let mesh = entry(&document.meshes, instance.mesh, "mesh")?;
         builder.add_mesh(&source, mesh, &instance.world_from_local)?;
     }
-    builder.finish()
+    let image = texture::image(&source, &builder.images, bytes)?;
+    Ok(Mesh {
+        image,
+        ..builder.finish()?
+    })
 }
 
 /// What has been done so far: nodes can show one mesh many times, so a small file
@@ -83,6 +88,8 @@ struct Builder<'a> {
     normals: Option<Vec<[f32; 3]>>,
     colors: Option<Vec<[u8; 4]>>,
     coordinates: Option<Vec<[f32; 2]>>,
+    /// Those of the primitives so far.
+    images: BTreeSet<usize>,
 }
 
 impl<'a> Builder<'a> {
@@ -95,6 +102,7 @@ impl<'a> Builder<'a> {
             normals: Some(Vec::new()),
             colors: Some(Vec::new()),
             coordinates: Some(Vec::new()),
+            images: BTreeSet::new(),
         }
     }
 
@@ -105,28 +113,32 @@ impl<'a> Builder<'a> {
         world_from_local: &Transform,
     ) -> Result<(), ReadError> {
         // First vertex and number of vertices of the attributes that were added.
-        let mut shared: BTreeMap<[Option<usize>; 4], (usize, usize)> = BTreeMap::new();
+        let mut shared: BTreeMap<[Option<usize>; 5], (usize, usize)> = BTreeMap::new();
         for primitive in &mesh.primitives.0 {
             self.work.count_primitive()?;
             let Some(mode) = Mode::of(primitive)? else {
                 continue;
             };
+            let (info, image) = texture::base_color(source.document, primitive)?.unzip();
+            self.images.extend(image);
             if let Some(draco) = &primitive.extensions.draco {
                 let length = source.view(draco.buffer_view)?.0.len();
                 self.work.count_draco(length, source.buffers.total())?;
                 let (vertices, faces) =
                     primitive::decompress(source, primitive, draco, self.room())?;
-                let (first, _) = self.add_vertices(vertices, world_from_local);
+                let (first, _) = self.add_vertices(vertices, world_from_local, info);
                 self.work.faces += faces.len();
                 self.add_faces(&faces, first, world_from_local);
                 continue;
             }
-            let key = primitive::vertex_key(primitive);
+            let [a, b, c, d] = primitive::vertex_key(primitive);
+            // Its coordinates depend on how its texture is placed.
+            let key = [a, b, c, d, primitive.material];
             let (first, count) = match shared.get(&key) {
                 Some(&place) => place,
                 None => {
                     let vertices = primitive::vertices(source, primitive, self.room())?;
-                    let place = self.add_vertices(vertices, world_from_local);
+                    let place = self.add_vertices(vertices, world_from_local, info);
                     shared.insert(key, place);
                     place
                 }
@@ -147,7 +159,12 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn add_vertices(&mut self, vertices: Vertices, transform: &Transform) -> (usize, usize) {
+    fn add_vertices(
+        &mut self,
+        mut vertices: Vertices,
+        transform: &Transform,
+        texture: Option<&TextureInfo>,
+    ) -> (usize, usize) {
         let place = (self.positions.len(), vertices.positions.len());
         self.positions
             .extend(vertices.positions.iter().map(|&p| transform.point(p)));
@@ -156,6 +173,9 @@ impl<'a> Builder<'a> {
                 .map(|normal| transform.normal(normal))
                 .collect()
         });
+        if let Some(coordinates) = &mut vertices.coordinates {
+            texture::place(coordinates, texture);
+        }
         append(&mut self.normals, normals);
         append(&mut self.colors, vertices.colors);
         append(&mut self.coordinates, vertices.coordinates);
@@ -195,6 +215,7 @@ impl<'a> Builder<'a> {
             normals: self.normals.map(Attribute::per_vertex),
             colors: self.colors.map(Attribute::per_vertex),
             texture_coordinates: self.coordinates.map(Attribute::per_vertex),
+            image: None,
         })
     }
 }

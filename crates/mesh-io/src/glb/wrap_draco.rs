@@ -1,8 +1,8 @@
 //! A Draco file inside a GLB file.
 
-use super::container;
 use super::write::bounds;
-use crate::{Limits, ReadError, drc};
+use super::{container, texture};
+use crate::{ImageFormat, Limits, ReadError, drc};
 use serde_json::{Map, Value, json};
 use steadymesh_draco::decode_and_identify;
 
@@ -50,10 +50,13 @@ impl DracoInfo {
     }
 }
 
-/// Wraps a Draco file into a GLB file with `KHR_draco_mesh_compression`, without
-/// decoding or copying more than its bytes.
+/// Wraps a Draco file, and the image on it if it has one, into a GLB file with
+/// `KHR_draco_mesh_compression`, without decoding or copying more than their bytes.
+///
+/// Texture coordinates with v upwards, as they are in the Draco file, are turned over by
+/// `KHR_texture_transform`. An image without texture coordinates is left out.
 #[must_use]
-pub fn wrap_draco(drc: &[u8], info: &DracoInfo) -> Vec<u8> {
+pub fn wrap_draco(drc: &[u8], info: &DracoInfo, image: Option<(ImageFormat, &[u8])>) -> Vec<u8> {
     let count = info.vertex_count;
     let described = [
         (
@@ -97,8 +100,21 @@ pub fn wrap_draco(drc: &[u8], info: &DracoInfo) -> Vec<u8> {
             accessors.push(accessor);
         }
     }
-    let document = document(drc.len(), &accessors, &attributes, &ids);
-    container::join(document.to_string().as_bytes(), drc)
+    let mut document = document(drc.len(), &accessors, &attributes, &ids);
+    let image = image.filter(|_| info.texture_coordinate_id.is_some());
+    let Some((format, image)) = image else {
+        return container::join(document.to_string().as_bytes(), drc);
+    };
+    let mut bin = drc.to_vec();
+    bin.resize(drc.len().next_multiple_of(4), 0);
+    let view = json!({ "buffer": 0, "byteOffset": bin.len(), "byteLength": image.len() });
+    bin.extend_from_slice(image);
+    if let Some(views) = document["bufferViews"].as_array_mut() {
+        views.push(view);
+    }
+    document["buffers"][0]["byteLength"] = bin.len().into();
+    texture::put_on(&mut document, format, 1, true);
+    container::join(document.to_string().as_bytes(), &bin)
 }
 
 fn document(

@@ -1,7 +1,7 @@
 //! A mesh to a plain GLB file.
 
-use super::container;
-use crate::Mesh;
+use super::{container, texture};
+use crate::{ImageFormat, Mesh};
 use serde_json::{Map, Value, json};
 
 const U8: u32 = 5121;
@@ -14,10 +14,13 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Writes a GLB file with one mesh: 32-bit float positions, and indices of 16 bits
 /// where they fit, else 32.
 ///
+/// An image is put on it if the mesh has texture coordinates; its bytes are passed beside it, since
+/// the mesh may only say where they are.
+///
 /// An attribute with corner indices of its own repeats positions; see
 /// [`Mesh::with_attributes_per_vertex`].
 #[must_use]
-pub fn write(mesh: &Mesh) -> Vec<u8> {
+pub fn write(mesh: &Mesh, image: Option<(ImageFormat, &[u8])>) -> Vec<u8> {
     let mesh = mesh.with_attributes_per_vertex();
     let count = mesh.positions.len();
     let mut writer = Writer::default();
@@ -58,15 +61,18 @@ pub fn write(mesh: &Mesh) -> Vec<u8> {
         .as_ref()
         .filter(|a| a.values.len() == count)
     {
+        // Downwards, as glTF has it.
+        let values: Vec<_> = uv.values.iter().map(|&[u, v]| [u, 1.0 - v]).collect();
         writer.attribute(
             "TEXCOORD_0",
-            &little_endian(&uv.values),
+            &little_endian(&values),
             json!({
                 "componentType": F32, "count": count, "type": "VEC2",
             }),
         );
     }
-    writer.finish(&mesh.faces, count)
+    let has_coordinates = writer.attributes.contains_key("TEXCOORD_0");
+    writer.finish(&mesh.faces, count, image.filter(|_| has_coordinates))
 }
 
 /// Smallest and largest coordinates; zero for no positions.
@@ -98,17 +104,29 @@ impl Writer {
 
     /// Adds a buffer view and an accessor for all of it; returns the accessor's index.
     fn accessor(&mut self, bytes: &[u8], mut accessor: Value, target: u32) -> usize {
-        accessor["bufferView"] = self.views.len().into();
-        self.views.push(json!({
-            "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len(), "target": target,
-        }));
-        self.bin.extend(bytes);
-        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let view = self.view(bytes);
+        self.views[view]["target"] = target.into();
+        accessor["bufferView"] = view.into();
         self.accessors.push(accessor);
         self.accessors.len() - 1
     }
 
-    fn finish(mut self, faces: &[[u32; 3]], vertex_count: usize) -> Vec<u8> {
+    /// Adds a buffer view; returns its index.
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        self.views.push(json!({
+            "buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len(),
+        }));
+        self.bin.extend(bytes);
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        self.views.len() - 1
+    }
+
+    fn finish(
+        mut self,
+        faces: &[[u32; 3]],
+        vertex_count: usize,
+        image: Option<(ImageFormat, &[u8])>,
+    ) -> Vec<u8> {
         // 65535 is reserved for restarting strips.
         let is_short = vertex_count < usize::from(u16::MAX);
         let indices = faces.as_flattened();
@@ -129,7 +147,8 @@ impl Writer {
             "componentType": component, "count": indices.len(), "type": "SCALAR",
         });
         let indices = self.accessor(&bytes, accessor, ELEMENT_ARRAY_BUFFER);
-        let document = json!({
+        let view = image.map(|(format, bytes)| (format, self.view(bytes)));
+        let mut document = json!({
             "asset": { "version": "2.0", "generator": "steadymesh" },
             "scene": 0,
             "scenes": [{ "nodes": [0] }],
@@ -139,6 +158,9 @@ impl Writer {
             "bufferViews": self.views,
             "buffers": [{ "byteLength": self.bin.len() }],
         });
+        if let Some((format, view)) = view {
+            texture::put_on(&mut document, format, view, false);
+        }
         container::join(document.to_string().as_bytes(), &self.bin)
     }
 }

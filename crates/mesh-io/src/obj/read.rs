@@ -187,6 +187,7 @@ impl<'a> Reader<'a> {
             normals: attribute(self.normals, normal_faces),
             colors: self.colors.finish().map(Attribute::per_vertex),
             texture_coordinates: attribute(self.coordinates, coordinate_faces),
+            image: None,
         })
     }
 }

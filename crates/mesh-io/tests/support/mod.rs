@@ -39,6 +39,7 @@ pub fn tetrahedron() -> Mesh {
             [0.0, 1.0],
             [0.25, 0.75],
         ])),
+        image: None,
     }
 }
 

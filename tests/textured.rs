@@ -1,0 +1,257 @@
+//! Texture coordinates through the whole pipeline: seams stay closed, charts stay apart, and what
+//! is delivered looks up the image where the original does.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it measured"
+)]
+
+use std::path::PathBuf;
+
+use steadymesh::pipeline::{
+    Attributes, Output, PreparedFrame, Previous, ProcessedFrame, RawFrame, Settings, TargetSize,
+    process,
+};
+use steadymesh_geometry::mesh::{Edge, EdgeTable};
+use steadymesh_geometry::spatial::{TriangleTree, barycentric};
+use steadymesh_geometry::{Point, TriangleMesh};
+use steadymesh_mesh_io::{Limits, Mesh, drc, obj};
+use steadymesh_proto::metrics::Tracking;
+
+const LIMITS: Limits = Limits {
+    max_vertices: 1 << 20,
+    max_faces: 1 << 20,
+    max_memory_bytes: 1 << 30,
+};
+const FRAMES: [&str; 2] = [
+    "basketball_player_00000001.obj",
+    "basketball_player_00000002.obj",
+];
+
+/// The textured captures, looked for as in `captures.rs`.
+fn captures() -> Option<Vec<Mesh>> {
+    let folder = std::env::var_os("STEADYMESH_DATA").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data"),
+        PathBuf::from,
+    );
+    let folder = folder.join("textured");
+    if !folder.is_dir() {
+        println!("SKIPPED: no captures in {}", folder.display());
+        return None;
+    }
+    let read = |name: &str| obj::read(&std::fs::read(folder.join(name)).unwrap(), &LIMITS).unwrap();
+    Some(FRAMES.map(read).into())
+}
+
+/// Simplifies a sequence; gives what is delivered of its last frame, and that frame.
+fn simplify(frames: &[Mesh], faces: usize, tracking: Tracking) -> (PreparedFrame, ProcessedFrame) {
+    let settings = Settings {
+        target: TargetSize::Faces(faces),
+        tracking,
+        ..Settings::default()
+    };
+    let mut previous: Option<(PreparedFrame, ProcessedFrame)> = None;
+    for mesh in frames {
+        let raw = RawFrame {
+            has_image: true,
+            ..RawFrame::from_mesh(mesh.clone(), 0)
+        };
+        let frame = PreparedFrame::new(raw, &mut ()).unwrap();
+        let before = previous.as_ref().map(|(frame, out)| Previous {
+            frame,
+            output: Some(&out.output),
+        });
+        let out = process(&frame, before, &settings, &mut ()).unwrap();
+        previous = Some((frame, out));
+    }
+    previous.unwrap()
+}
+
+/// Positions and texture coordinates of every corner.
+fn corners(mesh: &Mesh) -> Vec<([Point; 3], [[f64; 2]; 3])> {
+    let mesh = mesh.with_attributes_per_vertex();
+    let coordinates = &mesh.texture_coordinates.as_ref().unwrap().values;
+    let corner = |face: &[u32; 3]| {
+        let position = |index: u32| Point::from(mesh.positions[index as usize]);
+        let coordinate = |index: u32| coordinates[index as usize].map(f64::from);
+        (face.map(position), face.map(coordinate))
+    };
+    mesh.faces.iter().map(corner).collect()
+}
+
+fn blend(coordinates: &[[f64; 2]; 3], weights: [f64; 3]) -> [f64; 2] {
+    [0, 1].map(|axis| (0..3).map(|i| weights[i] * coordinates[i][axis]).sum())
+}
+
+/// For the center of every face that is delivered, how far from each other the places in the image
+/// are that it and the closest point of the original look up.
+fn misplacements(original: &Mesh, delivered: &Mesh) -> Vec<f64> {
+    let original = corners(original);
+    let positions = original
+        .iter()
+        .flat_map(|(positions, _)| *positions)
+        .collect();
+    let faces = (0..original.len() as u32).map(|face| [0, 1, 2].map(|corner| 3 * face + corner));
+    let surface = TriangleMesh::new(positions, faces.collect()).unwrap();
+    let tree = TriangleTree::new(&surface).unwrap();
+    let misplacement = |(triangle, coordinates): &([Point; 3], [[f64; 2]; 3])| {
+        let center = Point::from(
+            triangle
+                .iter()
+                .map(|p| p.coords)
+                .sum::<nalgebra::Vector3<f64>>()
+                / 3.0,
+        );
+        let foot = tree.closest(&center);
+        let (positions, there) = &original[foot.face as usize];
+        let [u, v] = blend(there, barycentric(&foot.position, positions));
+        let [x, y] = blend(coordinates, [1.0 / 3.0; 3]);
+        (u - x).hypot(v - y)
+    };
+    corners(delivered).iter().map(misplacement).collect()
+}
+
+/// The vertices on boundary edges.
+fn boundary(mesh: &TriangleMesh) -> Vec<Point> {
+    let table = EdgeTable::of(mesh.faces());
+    let open = table.iter().filter(|(_, faces)| faces.len() == 1);
+    let ends = open.flat_map(|(edge, _): (Edge, _)| [edge.0, edge.1]);
+    ends.map(|vertex| mesh.positions()[vertex as usize])
+        .collect()
+}
+
+#[test]
+fn every_seam_is_closed_at_2000_faces() {
+    let Some(frames) = captures() else { return };
+    for tracking in [Tracking::Off, Tracking::Robust] {
+        let (frame, out) = simplify(&frames, 2000, tracking);
+        let there = boundary(frame.mesh());
+        let welded = Output::decode(&out.draco).unwrap().mesh;
+        let open = boundary(&welded);
+        println!("{tracking:?}: {} open ends of {}", open.len(), there.len());
+        assert!(out.metrics.output.vertices < out.metrics.output.points);
+        assert_eq!(out.metrics.output.faces, 2000);
+        assert!(open.len() <= there.len());
+        // Where the original is open, and nowhere else.
+        let near = 0.01 * frame.bounds().diagonal();
+        for end in open {
+            let distance = |other: &Point| (end - other).norm();
+            let nearest = there.iter().map(distance).fold(f64::INFINITY, f64::min);
+            assert!(
+                nearest < near,
+                "{tracking:?}: {end} is {nearest} from a hole"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_delivered_looks_up_the_image_where_the_original_does() {
+    let Some(frames) = captures() else { return };
+    for tracking in [Tracking::Off, Tracking::Robust] {
+        let (_, out) = simplify(&frames, 4000, tracking);
+        let delivered = drc::read(&out.draco, &LIMITS).unwrap();
+        let mut wrong = misplacements(&frames[1], &delivered);
+        wrong.sort_by(f64::total_cmp);
+        let share = |part: f64| wrong[(part * (wrong.len() - 1) as f64) as usize];
+        let (median, most, all) = (share(0.5), share(0.99), share(1.0));
+        let stray = wrong.iter().filter(|off| 0.02 < **off).count();
+        println!("{tracking:?}: median {median:.5}, 99 % {most:.5}, largest {all:.5}, {stray} stray");
+        // In shares of the image: a chart that bleeds into another is off by tenths.
+        assert!(
+            median < 0.002 && most < 0.02,
+            "{tracking:?}: {median} {most}"
+        );
+    }
+}
+
+/// A flat grid of `size` x `size` quads in two charts, of which the right one lies upside down in
+/// the image.
+fn two_charts(size: u32) -> RawFrame {
+    let mut raw = RawFrame::default();
+    let mut coordinates = Vec::new();
+    for right in [false, true] {
+        for row in 0..=size {
+            for column in 0..=size / 2 {
+                let x = f64::from(column) + if right { f64::from(size / 2) } else { 0.0 };
+                // Not flat, so that it is not collapsed to two faces.
+                let z = (x * 0.7).sin() * (f64::from(row) * 0.5).cos();
+                raw.positions.push([x, f64::from(row), z]);
+                let [u, v] = [column, row].map(|c| c as f32 / size as f32);
+                coordinates.push(if right { [1.0 - u, 1.0 - v] } else { [u, v] });
+            }
+        }
+        let width = size / 2 + 1;
+        let first = if right { width * (size + 1) } else { 0 };
+        for row in 0..size {
+            for column in 0..size / 2 {
+                let a = first + row * width + column;
+                raw.faces.push([a, a + 1, a + width + 1]);
+                raw.faces.push([a, a + width + 1, a + width]);
+            }
+        }
+    }
+    raw.repeated_points = size as usize + 1;
+    raw.has_image = true;
+    raw.attributes = Attributes {
+        colors: Some(
+            coordinates
+                .iter()
+                .map(|[u, v]| [(u * 255.0) as u8, (v * 255.0) as u8, 7, 255])
+                .collect(),
+        ),
+        texture_coordinates: Some(coordinates),
+        ..Attributes::default()
+    };
+    raw
+}
+
+#[test]
+fn charts_do_not_bleed_into_each_other() {
+    let frame = PreparedFrame::new(two_charts(40), &mut ()).unwrap();
+    let settings = Settings {
+        target: TargetSize::Faces(300),
+        tracking: Tracking::Off,
+        ..Settings::default()
+    };
+    let out = process(&frame, None, &settings, &mut ()).unwrap();
+    let mesh = drc::read(&out.draco, &LIMITS).unwrap();
+    for (triangle, coordinates) in corners(&mesh) {
+        // A seam is held in its place, not nailed to it; beyond it a chart goes on with its last
+        // texels.
+        let of_left = |p: &Point| [p.x.min(20.0) / 40.0, p.y / 40.0];
+        let of_right = |p: &Point| [1.0 - (p.x - 20.0).max(0.0) / 40.0, 1.0 - p.y / 40.0];
+        let off = |chart: &dyn Fn(&Point) -> [f64; 2]| {
+            let corners = triangle.iter().zip(coordinates);
+            let off = corners.map(|(p, [u, v])| (u - chart(p)[0]).hypot(v - chart(p)[1]));
+            off.fold(0.0, f64::max)
+        };
+        let (left, right) = (off(&of_left), off(&of_right));
+        assert!(left.min(right) < 0.02, "{triangle:?}: {coordinates:?}");
+    }
+    // Seen as one surface the seam is closed: only the rim is open.
+    let welded = Output::decode(&out.draco).unwrap().mesh;
+    for end in boundary(&welded) {
+        let is_rim = |c: f64| !(0.2..=39.8).contains(&c);
+        assert!(is_rim(end.x) || is_rim(end.y), "{end} is open");
+    }
+}
+
+#[test]
+fn colors_come_from_the_original_surface() {
+    let frame = PreparedFrame::new(two_charts(40), &mut ()).unwrap();
+    let settings = Settings {
+        target: TargetSize::Faces(300),
+        ..Settings::default()
+    };
+    let out = process(&frame, None, &settings, &mut ()).unwrap();
+    let mesh = drc::read(&out.draco, &LIMITS).unwrap();
+    let colors = mesh.colors.unwrap().values;
+    let coordinates = mesh.texture_coordinates.unwrap().values;
+    assert_eq!(colors.len(), mesh.positions.len());
+    for ([red, green, blue, alpha], [u, v]) in colors.iter().zip(coordinates) {
+        assert_eq!((*blue, *alpha), (7, 255));
+        let off = [(red, u), (green, v)].map(|(c, t)| (f32::from(*c) - t * 255.0).abs());
+        assert!(off.iter().all(|off| *off < 6.0), "{off:?}");
+    }
+}
