@@ -156,7 +156,9 @@ fn what_is_delivered_looks_up_the_image_where_the_original_does() {
         let share = |part: f64| wrong[(part * (wrong.len() - 1) as f64) as usize];
         let (median, most, all) = (share(0.5), share(0.99), share(1.0));
         let stray = wrong.iter().filter(|off| 0.02 < **off).count();
-        println!("{tracking:?}: median {median:.5}, 99 % {most:.5}, largest {all:.5}, {stray} stray");
+        println!(
+            "{tracking:?}: median {median:.5}, 99 % {most:.5}, largest {all:.5}, {stray} stray"
+        );
         // In shares of the image: a chart that bleeds into another is off by tenths.
         assert!(
             median < 0.002 && most < 0.02,
