@@ -74,8 +74,8 @@ class Input:
 class Output:
     """What went out; ``bytes`` is its length in Draco.
 
-    ``points`` is how many points the mesh is delivered with: where a texture has a seam, a vertex has
-    one for each side of it.
+    ``points`` is how many points the mesh is delivered with: where a texture has a seam, a vertex
+    has one for each side of it.
     """
 
     vertices: int = 0
@@ -87,7 +87,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Texture:
-    """The image on a frame: its name, its format and its size; ``encoded`` if the server made it."""
+    """The image on a frame: its name, format and size; ``encoded`` if the server made it."""
 
     id: str = ""
     media_type: str = ""
@@ -157,8 +157,8 @@ class FrameMetrics:
       surface and to the nearest vertex of the frames; ``current_to_output``: from each vertex of
       the frame to the simplified surface. None where the stream's ``metrics`` are ``off``.
     - ``consistency``: what has come back of the previous result; None without a registration.
-    - ``texture``: the image on it; None without one. ``texture_error``: why one that came with it is
-      not delivered.
+    - ``texture``: the image on it; None without one. ``texture_error``: why one that came with
+      it is not delivered.
     - ``bbox_diagonal``: of the frame's bounding box.
     - ``latency_us``: from the arrival of the whole frame to its delivery, in microseconds.
     - ``raw``: all of it, as the server sent it.
