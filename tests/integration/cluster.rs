@@ -13,6 +13,7 @@ use steadymesh::worker::Worker;
 
 use crate::nats::{ACK_WAIT, Nats};
 use crate::support::{TestServer, frames, problem, start, start_on};
+use crate::textures::{bundle, png};
 
 over_both! {
     two_workers_make_what_one_node_makes
@@ -22,6 +23,7 @@ over_both! {
     what_is_wrong_with_a_frame_is_heard_at_the_gateway
     a_gateway_that_stops_leaves_its_streams_to_others
     a_burst_through_two_gateways_comes_out_whole
+    an_image_goes_with_its_frame_to_every_gateway
 }
 
 async fn worker(bus: &Bus) -> Worker {
@@ -176,6 +178,33 @@ async fn a_stream_is_the_same_at_every_gateway(bus: Bus) {
     assert_eq!(player.control().await["reason"], "deleted");
     // A stream of the same name begins anew.
     assert_eq!(near.publish("demo", frames(1).remove(0)).await.seq, 0);
+}
+
+async fn an_image_goes_with_its_frame_to_every_gateway(bus: Bus) {
+    let _worker = worker(&bus).await;
+    let near = start_on(Some(bus.clone()), |_| {}).await;
+    let far = start_on(Some(bus.clone()), |_| {}).await;
+    // Noise, so that it is larger than a message may be.
+    let mut state = 1_u32;
+    let noise = image::RgbImage::from_fn(800, 600, |_, _| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        image::Rgb([24, 16, 8].map(|shift| (state >> shift) as u8))
+    });
+    let mut large = std::io::Cursor::new(Vec::new());
+    noise.write_to(&mut large, image::ImageFormat::Png).unwrap();
+    let large = large.into_inner();
+    assert!(1 << 20 < large.len());
+    for (seq, image) in [large, png(5)].iter().enumerate() {
+        let request = near.client.post(near.url("/v1/streams/demo/frames"));
+        let request = request.header("prefer", "wait").body(bundle(image));
+        assert_eq!(request.send().await.unwrap().status(), StatusCode::OK);
+        let path = format!("/v1/streams/demo/frames/{seq}/texture");
+        let answer = eventually(async || {
+            let answer = far.get(&path).await;
+            (answer.status() == StatusCode::OK).then_some(answer)
+        });
+        assert_eq!(answer.await.bytes().await.unwrap(), *image);
+    }
 }
 
 async fn what_is_wrong_with_a_frame_is_heard_at_the_gateway(bus: Bus) {

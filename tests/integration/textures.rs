@@ -51,14 +51,14 @@ fn tube() -> Mesh {
 }
 
 /// A picture of one color.
-fn png(shade: u8) -> Vec<u8> {
+pub fn png(shade: u8) -> Vec<u8> {
     let image = image::RgbImage::from_pixel(64, 32, image::Rgb([shade, 90, 30]));
     let mut bytes = std::io::Cursor::new(Vec::new());
     image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
     bytes.into_inner()
 }
 
-fn bundle(image: &[u8]) -> Vec<u8> {
+pub fn bundle(image: &[u8]) -> Vec<u8> {
     let mesh = obj::write(&tube());
     Bundle {
         seq: None,
