@@ -78,7 +78,7 @@ pub(super) fn read_geometry(path: &Path) -> anyhow::Result<RawFrame> {
 pub(super) fn read_textured(path: &Path) -> anyhow::Result<(RawFrame, Option<SourceImage>)> {
     let (format, bytes, mut mesh) = read_mesh(path)?;
     if mesh.image.is_none()
-        && let Some(image) = images::beside(path, format, &bytes)?
+        && let Some(image) = images::beside(path, format, &bytes)
     {
         mesh.image = Some(Image::new(image)?);
     }

@@ -139,7 +139,7 @@ impl FrameSource {
 /// A frame file as it is sent: in a bundle with the image beside it, if there is one.
 fn with_image(path: &Path, mesh: Vec<u8>) -> anyhow::Result<(Format, Vec<u8>)> {
     let format = format_of(path, &mesh)?;
-    let Some(image) = images::beside(path, format, &mesh)? else {
+    let Some(image) = images::beside(path, format, &mesh) else {
         return Ok((format, mesh));
     };
     let bundle = Bundle {

@@ -2,16 +2,22 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 
 use anyhow::{Context, bail};
 use steadymesh_mesh_io::{Format, ImageInfo};
 
-/// The image that a frame file names; none if it names none.
-///
-/// # Errors
-///
-/// If it cannot be read, is no image, or if there are several.
-pub(super) fn beside(path: &Path, format: Format, bytes: &[u8]) -> anyhow::Result<Option<Vec<u8>>> {
+/// The image that a frame file names; none if it names none, or several, or one that cannot be used:
+/// the frame goes on without, and its user is told once.
+pub(super) fn beside(path: &Path, format: Format, bytes: &[u8]) -> Option<Vec<u8>> {
+    static SAID: Once = Once::new();
+    find(path, format, bytes).unwrap_or_else(|error| {
+        SAID.call_once(|| super::say(&format!("without an image: {error:#}")));
+        None
+    })
+}
+
+fn find(path: &Path, format: Format, bytes: &[u8]) -> anyhow::Result<Option<Vec<u8>>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let named = match format {
         Format::Obj => of_materials(folder, bytes),
@@ -19,14 +25,14 @@ pub(super) fn beside(path: &Path, format: Format, bytes: &[u8]) -> anyhow::Resul
         _ => return Ok(None),
     };
     if 1 < named.len() {
-        bail!("{} has several images: one is supported", path.display());
+        bail!("{} names several: one is supported", path.display());
     }
     let Some(image) = named.into_iter().next() else {
         return Ok(None);
     };
     let name = image.display();
     let bytes = std::fs::read(&image)
-        .with_context(|| format!("{name}, the image of {}, cannot be read", path.display()))?;
+        .with_context(|| format!("{name}, which {} names, cannot be read", path.display()))?;
     ImageInfo::read(&bytes).with_context(|| name.to_string())?;
     Ok(Some(bytes))
 }
@@ -126,9 +132,10 @@ mod tests {
             b"newmtl x\nmap_Kd a b.png\nnewmtl y\nmap_Kd c.png",
         )
         .unwrap();
+        write("lost.mtl", b"map_Kd lost.png").unwrap();
         write("text.mtl", b"map_Kd a.mtl").unwrap();
         let beside =
-            |format, text: &str| beside(&folder.path().join("frame"), format, text.as_bytes());
+            |format, text: &str| find(&folder.path().join("frame"), format, text.as_bytes());
         for (format, text) in [
             (Format::Obj, "# x\nmtllib a.mtl\nv 0 0 0\n"),
             (
@@ -142,7 +149,8 @@ mod tests {
             assert!(beside(Format::Obj, text).unwrap().is_none(), "{text}");
         }
         for (text, wrong) in [
-            ("mtllib two.mtl\n", "several images"),
+            ("mtllib lost.mtl\n", "cannot be read"),
+            ("mtllib two.mtl\n", "names several"),
             ("mtllib text.mtl\n", "begins like none"),
         ] {
             let error = format!("{:#}", beside(Format::Obj, text).unwrap_err());
