@@ -1,16 +1,17 @@
-/** Chooses the page by the address: `/watch/{stream}`, and the list of streams everywhere else. */
+/** Chooses the page by the address: `/watch/{stream}`, and the lists everywhere else. */
 
-import { showStreams } from "./streams";
+import { placeOfPage } from "./base/place";
+import { showHome } from "./home/home";
 
 const root = document.querySelector<HTMLElement>("#app");
-const stream = /^\/watch\/([^/]+)\/?$/.exec(location.pathname)?.[1];
+const place = placeOfPage(location);
 
 if (root !== null) {
-  if (stream === undefined) {
-    showStreams(root);
+  if (place === null) {
+    showHome(root);
   } else {
     // three.js is loaded only where it is needed.
     const { watch } = await import("./watch");
-    watch(root, decodeURIComponent(stream), new URLSearchParams(location.search));
+    watch(root, place, new URLSearchParams(location.search));
   }
 }

@@ -1,225 +1,290 @@
 /**
- * The watch page: subscription -> newest wins -> decoder -> viewer, and the numbers beside it.
+ * The watch page: a live stream, two of them side by side, or a recording.
  *
- * The address may carry `rotate=0` (no automatic rotation), `wireframe=1` and `normals=1`.
+ * The address may carry `beside=` another stream, `mode=` of the surface, `wireframe=1`, and
+ * `rotate=0` (no automatic rotation).
  */
 
-import { MeshDecoder } from "./decoder";
-import { Hud, type Numbers, type Percents, type Status } from "./hud";
-import { NewestWins } from "./newest";
-import { Plot } from "./plot";
-import {
-  type ControlMessage,
-  endToEndUs,
-  type Frame,
-  type FrameMetrics,
-  percentOfDiagonal,
-  percentOfShare,
-  type StreamConfig,
-} from "./protocol";
-import { RateMeter } from "./rate";
-import { type ConnectionState, Subscription } from "./subscription";
-import { Viewer } from "./viewer";
+import { DecoderPool, type FrameMetrics, type Place, TextureStore } from "steadymesh";
+import { server, tokenForm } from "./base/access";
+import * as format from "./base/format";
+import type { Deck } from "./play/deck";
+import { figuresOf } from "./play/figures";
+import { LiveDeck } from "./play/live-deck";
+import { Player, type PlayerEvents } from "./play/player";
+import { RecordingDeck } from "./play/recording-deck";
+import { type Actions, commands, listenToKeys } from "./ui/commands";
+import { CompareChoice } from "./ui/compare";
+import { HelpSheet } from "./ui/help";
+import { Layout } from "./ui/layout";
+import { NO_FIGURES, Panel } from "./ui/panel";
+import { messageOf, statusOf } from "./ui/status";
+import { changeLegend, ModeChoice, ToolColumn } from "./ui/tools";
+import { SPEEDS, Transport } from "./ui/transport";
+import { isViewMode, type ViewMode } from "./view/modes";
+import { Viewer } from "./view/viewer";
 
-const HUD_INTERVAL_MS = 200;
-/** A live stream that is silent for longer than this says so. */
-const SILENCE_MS = 3000;
+const REFRESH_MS = 200;
+/** Two rigs whose clocks differ by more are not of one capture. */
+const MAX_CLOCK_DIFFERENCE_MS = 3000;
 
-export function watch(root: HTMLElement, stream: string, parameters: URLSearchParams): void {
-  document.title = `${stream} · Steadymesh`;
-  new WatchPage(root, stream, parameters).start();
+export function watch(root: HTMLElement, place: Place, parameters: URLSearchParams): void {
+  new WatchPage(root, place, parameters).start();
 }
 
 class WatchPage {
-  private readonly hud: Hud;
-  private readonly distances: Plot<"previous" | "current">;
-  private readonly persistence: Plot<"vertices" | "edges">;
+  private readonly pool = new DecoderPool();
+  private readonly textures = new TextureStore();
+  private readonly layout: Layout;
+  private readonly panel = new Panel();
+  private readonly transport: Transport;
+  private readonly tools: ToolColumn;
+  private readonly modes: ModeChoice;
+  private readonly legend = changeLegend();
+  private readonly help: HelpSheet;
+  private readonly compare: CompareChoice | null;
   private readonly viewer: Viewer | null;
-  private readonly decoder = new MeshDecoder();
-  private readonly queue = new NewestWins<Frame>((frame) => this.show(frame));
-  private readonly subscription: Subscription;
-  private readonly received = new RateMeter();
-  private readonly shown = new RateMeter();
-
-  private state: ConnectionState = { kind: "connecting" };
-  private config: StreamConfig | null = null;
-  private newest: { frame: Frame; endToEndUs: number | null } | null = null;
-  private lastFrameAtMs: number | null = null;
-  private skippedByServer = 0;
-  private problem: string | null = null;
-  /** The next frame may be of another size than those before. */
-  private refit = false;
+  private readonly main: Player;
+  private beside: { stream: string; player: Player<LiveDeck> } | null = null;
+  private mode: ViewMode = "color";
+  private wireframe = false;
 
   constructor(
     root: HTMLElement,
-    stream: string,
+    private readonly place: Place,
     private readonly parameters: URLSearchParams,
   ) {
-    this.hud = new Hud(root, stream, {
-      onToggle: (toggle, on) => {
-        if (toggle === "wireframe") this.viewer?.setEdges(on);
-        else if (toggle === "normals") this.viewer?.setNormalColors(on);
-        else this.holdOrRelease();
-      },
-      onReset: () => this.viewer?.resetView(),
+    const title = place.recording === undefined ? place.stream : `${place.stream}, recorded`;
+    document.title = `${title} · Steadymesh`;
+    const actions = this.actions();
+    const list = commands(actions);
+    listenToKeys(list);
+    this.help = new HelpSheet(list);
+    this.transport = new Transport({
+      ...actions,
+      seek: (atS) => this.control((deck) => deck.seek(atS)),
+      setSpeed: (speed) => this.control((deck) => deck.setSpeed(speed)),
     });
-    this.distances = new Plot(this.hud.distanceCanvas, ["previous", "current"]);
-    this.persistence = new Plot(this.hud.persistenceCanvas, ["vertices", "edges"]);
+    this.tools = new ToolColumn(actions);
+    this.modes = new ModeChoice((mode) => this.showMode(mode));
+    this.compare =
+      place.recording === undefined
+        ? new CompareChoice(server, place.stream, (other) => this.setBeside(other))
+        : null;
+    this.layout = new Layout(root, title, {
+      besideTitle: this.compare === null ? [] : [this.compare.root],
+      overView: [this.tools.root, this.legend],
+      deck: [this.modes.root, this.transport.root],
+      panel: this.panel.root,
+      sheet: this.help.root,
+    });
     this.viewer = this.createViewer();
-    this.subscription = new Subscription(stream, {
-      onState: (state) => this.onState(state),
-      onControl: (message) => this.onControl(message),
-      onFrame: (frame) => this.onFrame(frame),
-    });
+    this.main = this.createPlayer(0, (events) => this.createDeck(events));
   }
 
   start(): void {
-    if (this.parameters.get("wireframe") === "1") this.hud.toggle("wireframe");
-    if (this.parameters.get("normals") === "1") this.hud.toggle("normals");
-    document.addEventListener("visibilitychange", () => this.holdOrRelease());
-    setInterval(() => this.refresh(), HUD_INTERVAL_MS);
-    if (this.viewer !== null) this.decoder.preload();
-    this.subscription.start();
+    const { parameters } = this;
+    const mode = parameters.get("mode");
+    this.showMode(isViewMode(mode) ? mode : "color");
+    this.setWireframe(parameters.get("wireframe") === "1");
+    document.addEventListener("visibilitychange", () => {
+      for (const { deck } of this.players) deck.setHidden(document.hidden);
+    });
+    setInterval(() => this.refresh(), REFRESH_MS);
+    if (this.viewer !== null) this.pool.preload();
+    this.main.deck.start();
+    const beside = parameters.get("beside");
+    if (beside !== null && beside !== this.place.stream && this.compare !== null) {
+      this.setBeside(beside);
+    }
     this.refresh();
+  }
+
+  private get players(): Player[] {
+    return this.beside === null ? [this.main] : [this.main, this.beside.player];
+  }
+
+  private createDeck(events: ConstructorParameters<typeof LiveDeck>[4]): Deck {
+    const { stream, recording } = this.place;
+    const { pool, textures } = this;
+    return recording === undefined
+      ? new LiveDeck(server, stream, pool, textures, events)
+      : new RecordingDeck(server, stream, recording, pool, textures, events);
   }
 
   /** Without WebGL 2 the page still shows the numbers. */
   private createViewer(): Viewer | null {
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     try {
-      return new Viewer(this.hud.viewCanvas, this.parameters.get("rotate") !== "0" && !still);
+      return new Viewer(this.layout.canvas, {
+        autoRotate: this.parameters.get("rotate") !== "0" && !still,
+        covered: this.layout.covered,
+        beforeDraw: (nowMs) => {
+          for (const { deck } of this.players) deck.tick(nowMs);
+        },
+      });
     } catch {
-      this.problem = "This browser cannot draw the mesh: it has no WebGL 2.";
+      setInterval(() => this.main.deck.tick(performance.now()), REFRESH_MS);
       return null;
     }
   }
 
-  private onState(state: ConnectionState): void {
-    const left = this.state.kind === "open" && state.kind !== "open";
-    if (left && this.newest !== null) {
-      const { seq } = this.newest.frame.metrics;
-      this.distances.add({ seq, values: { previous: null, current: null }, reset: false });
-      this.persistence.add({ seq, values: { vertices: null, edges: null }, reset: false });
-    }
-    if (state.kind === "absent") this.refit = true;
-    if (state.kind !== "open") this.received.clear();
-    this.state = state;
-    this.refresh();
+  private createPlayer<D extends Deck>(
+    lane: 0 | 1,
+    makeDeck: ConstructorParameters<typeof Player<D>>[0],
+  ): Player<D> {
+    const plot = (metrics: FrameMetrics) =>
+      this.panel.plot(lane, {
+        seq: metrics.seq,
+        figures: figuresOf(metrics),
+        reset: metrics.reset !== null,
+      });
+    const events: PlayerEvents = {
+      onShown: () => {
+        if (lane === 0) this.follow();
+      },
+      onReceived: plot,
+      onHeld: (held) => {
+        this.panel.clearPlot(lane);
+        for (const metrics of held) plot(metrics);
+      },
+      onBreak: () => this.panel.plot(lane, { seq: null, figures: NO_FIGURES, reset: false }),
+    };
+    const player = new Player<D>(
+      makeDeck,
+      this.pool,
+      (frame, change, refit) => {
+        this.viewer?.show(lane, frame, change);
+        if (refit) this.viewer?.resetView();
+      },
+      events,
+    );
+    player.measuresChange = this.mode === "change";
+    return player;
   }
 
-  private onControl(message: ControlMessage): void {
-    if (message.type === "hello") this.config = message.config;
-    if (message.type === "skipped") this.skippedByServer += message.missed;
-  }
-
-  private onFrame(frame: Frame): void {
-    this.lastFrameAtMs = performance.now();
-    this.received.add(this.lastFrameAtMs, frame.messageBytes);
-    if (!this.hud.isOn("pause")) {
-      const { seq } = frame.metrics;
-      const reset = frame.metrics.reset !== null;
-      const { previous, current, vertices, edges } = percents(frame.metrics);
-      this.distances.add({ seq, values: { previous, current }, reset });
-      this.persistence.add({ seq, values: { vertices, edges }, reset });
-    }
-    this.queue.offer(frame);
-  }
-
-  private async show(frame: Frame): Promise<void> {
-    if (this.viewer !== null) {
-      try {
-        const mesh = await this.decoder.decode(frame.mesh);
-        this.viewer.show(mesh);
-        this.problem = null;
-      } catch (error) {
-        this.problem = `Frame ${frame.metrics.seq ?? ""} cannot be shown: ${describe(error)}.`;
-        return;
-      }
-      if (this.refit) this.viewer.resetView();
-      this.refit = false;
-      this.shown.add(performance.now(), 0);
-    }
-    const delay = endToEndUs(frame.metrics.captureTimeUs, Date.now());
-    this.newest = { frame, endToEndUs: delay };
-  }
-
-  private holdOrRelease(): void {
-    if (this.hud.isOn("pause") || document.hidden) this.queue.hold();
-    else this.queue.release();
-    this.refresh();
-  }
-
-  private refresh(): void {
-    this.hud.setStatus(this.status());
-    this.hud.showMessage(this.message());
-    this.hud.update(this.numbers());
-  }
-
-  private numbers(): Numbers {
-    const nowMs = performance.now();
-    const metrics = this.newest?.frame.metrics ?? null;
-    const rates = this.received.measure(nowMs);
+  private actions(): Actions {
+    const jump = (seconds: number) =>
+      this.control((deck) => {
+        const { startS, endS, atS } = deck.position;
+        deck.seek(Math.min(Math.max(atS + seconds, startS), endS));
+      });
     return {
-      metrics,
-      config: this.config,
-      messageBytes: this.newest?.frame.messageBytes ?? null,
-      receivedPerSecond: rates.perSecond,
-      bitsPerSecond: rates.bitsPerSecond,
-      shownPerSecond: this.shown.measure(nowMs).perSecond,
-      endToEndUs: this.newest?.endToEndUs ?? null,
-      skipped: this.skippedByServer + this.queue.skipped,
-      percents: metrics === null ? null : percents(metrics),
+      togglePlay: () =>
+        this.control((deck) => (deck.position.playing ? deck.pause() : deck.play())),
+      step: (frames) => this.control((deck) => deck.step(frames)),
+      jump,
+      goLive: () => this.control((deck) => deck.goLive()),
+      goToStart: () => this.control((deck) => deck.seek(deck.position.startS)),
+      changeSpeed: (direction) =>
+        this.control((deck) => {
+          const at = SPEEDS.indexOf(deck.position.speed as (typeof SPEEDS)[number]);
+          const speed = SPEEDS[at + direction];
+          if (speed !== undefined) deck.setSpeed(speed);
+        }),
+      showMode: (mode) => this.showMode(mode),
+      toggleNormals: () => this.showMode(this.mode === "normals" ? "color" : "normals"),
+      toggleWireframe: () => this.setWireframe(!this.wireframe),
+      resetView: () => this.viewer?.resetView(),
+      toggleFullScreen: () => this.layout.toggleFullScreen(),
+      toggleHelp: () => this.help.toggle(),
     };
   }
 
-  private status(): Status {
-    switch (this.state.kind) {
-      case "connecting":
-        return { kind: "waiting", text: "Connecting" };
-      case "absent":
-        return this.state.reason === "deleted"
-          ? { kind: "waiting", text: "Ended" }
-          : { kind: "waiting", text: "Not live" };
-      case "reconnecting": {
-        const seconds = Math.max(0, Math.ceil((this.state.retryAtMs - Date.now()) / 1000));
-        return { kind: "problem", text: "Reconnecting", detail: ` in ${seconds} s` };
-      }
-      case "open":
-        return this.openStatus();
+  private control(action: (deck: Deck) => void): void {
+    action(this.main.deck);
+    this.follow();
+    this.refresh();
+  }
+
+  /** The stream beside stands where the first one does. */
+  private follow(): void {
+    if (this.beside === null) return;
+    const { deck } = this.beside.player;
+    const { metrics } = this.main.deck.numbers;
+    if (this.main.deck.position.live) {
+      if (!deck.position.live) deck.goLive();
+    } else if (metrics !== null) deck.follow(metrics);
+  }
+
+  private setBeside(stream: string | null): void {
+    this.beside?.player.close();
+    this.panel.clearPlot(1);
+    this.viewer?.setPanes(stream === null ? 1 : 2);
+    this.beside = null;
+    if (stream !== null) {
+      const { pool, textures } = this;
+      const player = this.createPlayer(
+        1,
+        (events) => new LiveDeck(server, stream, pool, textures, events),
+      );
+      this.beside = { stream, player };
+      this.tie(player.deck);
+      player.deck.start();
     }
+    this.compare?.update(stream);
+    this.viewer?.resetView();
+    const address = new URL(location.href);
+    if (stream === null) address.searchParams.delete("beside");
+    else address.searchParams.set("beside", stream);
+    history.replaceState(null, "", address);
+    this.refresh();
   }
 
-  private openStatus(): Status {
-    if (this.hud.isOn("pause")) return { kind: "paused", text: "Paused" };
-    if (this.lastFrameAtMs === null) return { kind: "waiting", text: "Waiting for a frame" };
-    const silence = performance.now() - this.lastFrameAtMs;
-    if (silence < SILENCE_MS) return { kind: "live", text: "Live" };
-    return { kind: "waiting", text: "Silent", detail: ` for ${Math.round(silence / 1000)} s` };
+  /** Frames of one moment are shown at one moment, as late as the later of the two streams. */
+  private tie(other: LiveDeck): void {
+    const main = this.main.deck;
+    if (!(main instanceof LiveDeck)) return;
+    const shared = () => {
+      const a = main.offsetMs;
+      const b = other.offsetMs;
+      if (a === null || b === null || Math.abs(a - b) > MAX_CLOCK_DIFFERENCE_MS) return null;
+      return Math.max(a, b);
+    };
+    main.sharedOffsetMs = other.sharedOffsetMs = shared;
   }
 
-  /** Shown over the mesh; nothing while there is one and all is well. */
-  private message(): string | null {
-    if (this.problem !== null) return this.problem;
-    if (this.state.kind === "absent") {
-      return this.state.reason === "deleted"
-        ? "This stream has ended. The page goes on when it is published again."
-        : "Nobody publishes this stream yet. The page starts when somebody does.";
-    }
-    if (this.newest !== null) return null;
-    return this.state.kind === "open" ? "Waiting for the first frame…" : "Connecting…";
+  private showMode(mode: ViewMode): void {
+    this.mode = mode;
+    this.modes.update(mode);
+    this.legend.hidden = mode !== "change";
+    this.viewer?.setMode(mode);
+    for (const player of this.players) player.measuresChange = mode === "change";
   }
-}
 
-/** What the plots show of a frame. */
-function percents({ surfaceDistance, consistency, bboxDiagonal }: FrameMetrics): Percents {
-  return {
-    previous: percentOfDiagonal(surfaceDistance.previous, bboxDiagonal),
-    current: percentOfDiagonal(surfaceDistance.current, bboxDiagonal),
-    vertices: percentOfShare(consistency.vertexPersistence),
-    edges: percentOfShare(consistency.edgePersistence),
-  };
-}
+  private setWireframe(on: boolean): void {
+    this.wireframe = on;
+    this.tools.setWireframe(on);
+    this.viewer?.setEdges(on);
+  }
 
-function describe(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
+  private refresh(): void {
+    const { deck } = this.main;
+    const numbers = this.players.map((player) => {
+      const own = player.deck.numbers;
+      return { ...own, skippedHere: own.skippedHere + player.undrawn };
+    });
+    const [first, second] = numbers;
+    if (first === undefined) return;
+    this.layout.setStatus(statusOf(deck));
+    const refused = deck.state.kind === "refused" && deck.state.status === 401;
+    const problem = this.viewer === null ? "This browser has no WebGL 2 to draw with." : null;
+    this.layout.showMessage(problem ?? messageOf(deck), refused ? tokenForm : null);
+    this.transport.update(deck);
+    this.panel.update(first, second ?? null);
+    const names = [this.place.stream, this.beside?.stream ?? ""];
+    this.layout.setLabels(
+      numbers.map(({ metrics, messageBytes }, index) =>
+        [names[index], metrics?.tracking ?? "–", format.bytes(messageBytes)].join(" · "),
+      ),
+    );
+    this.noteMemory();
+  }
+
+  /** For who looks for leaks. */
+  private noteMemory(): void {
+    if (this.viewer === null) return;
+    const { geometries, textures } = this.viewer.memory;
+    Object.assign(this.layout.canvas.dataset, { geometries, textures });
+  }
 }

@@ -1,8 +1,11 @@
+/** Numbers as they are measured, scaled and written. */
+
 import { expect, test } from "vitest";
-import * as format from "../../src/format";
-import { niceCeiling, ticksUpTo } from "../../src/plot";
-import { RateMeter } from "../../src/rate";
-import { retryDelayMs } from "../../src/subscription";
+import * as format from "../../src/base/format";
+import { RateMeter } from "../../src/base/rate";
+import { endToEndUs } from "../../src/play/deck";
+import { percentOfDiagonal, percentOfShare } from "../../src/play/figures";
+import { niceCeiling, ticksUpTo } from "../../src/ui/plot";
 
 test("thirty frames a second of a thousand bytes are 240 kbit/s", () => {
   const meter = new RateMeter();
@@ -12,6 +15,14 @@ test("thirty frames a second of a thousand bytes are 240 kbit/s", () => {
   expect(bitsPerSecond).toBeCloseTo(240_000, 3);
 });
 
+test("an image adds to the bytes and not to the frames", () => {
+  const meter = new RateMeter();
+  meter.add(0, 1000);
+  meter.add(1000, 1000);
+  meter.addBytes(500);
+  expect(meter.measure(1000)).toEqual({ perSecond: 1, bitsPerSecond: 12_000 });
+});
+
 test("a stream that stopped has a rate of zero two seconds later", () => {
   const meter = new RateMeter();
   meter.add(0, 1000);
@@ -19,10 +30,19 @@ test("a stream that stopped has a rate of zero two seconds later", () => {
   expect(meter.measure(2200)).toEqual({ perSecond: 0, bitsPerSecond: 0 });
 });
 
-test("retries wait twice as long each time, up to ten seconds", () => {
-  expect([0, 1, 2, 3].map((attempt) => retryDelayMs(attempt, 1))).toEqual([500, 1000, 2000, 4000]);
-  expect(retryDelayMs(40, 1)).toBe(10_000);
-  expect(retryDelayMs(0, 0)).toBe(250);
+test("distances are shares of the diagonal, in percent", () => {
+  expect(percentOfDiagonal({ mean: 0.5, max: null }, 50)).toBe(1);
+  expect(percentOfDiagonal({ mean: 0.5, max: null }, 0)).toBeNull();
+  expect(percentOfDiagonal(null, 50)).toBeNull();
+  expect(percentOfShare(0.25)).toBe(25);
+  expect(percentOfShare(null)).toBeNull();
+});
+
+test("end to end is from capture to now, if the rig's clock can be the time of day", () => {
+  expect(endToEndUs(1_000_000, 1_020)).toBe(20_000);
+  expect(endToEndUs(33_333, 1.7e12)).toBeNull();
+  expect(endToEndUs(2_000_000, 1_000)).toBeNull();
+  expect(endToEndUs(null, 1_000)).toBeNull();
 });
 
 test.each([
@@ -51,6 +71,8 @@ test.each([
   [format.count(52_290), "52,290"],
   [format.percent(0.0567), "0.0567 %"],
   [format.percent(null), "–"],
+  [format.clock(0), "0:00.0"],
+  [format.clock(75.26), "1:15.3"],
 ])("%s reads as %s", (text, expected) => {
   expect(text).toBe(expected);
 });

@@ -1,0 +1,2 @@
+/** In the place of the bundled worker. */
+export default "";
