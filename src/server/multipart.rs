@@ -5,6 +5,7 @@ use std::convert::Infallible;
 use bytes::Bytes;
 use futures_util::stream;
 use multer::Multipart;
+use steadymesh_mesh_io::{ImageInfo, sniff};
 use steadymesh_proto::Bundle;
 
 use super::error::Problem;
@@ -36,23 +37,17 @@ pub(super) async fn join(body: Bytes, boundary: String) -> Result<Bytes, Problem
     let (mut mesh, mut image) = (None, None);
     while let Some(part) = parts.next_field().await.map_err(|error| refused(&error))? {
         let name = part.name().unwrap_or_default().to_owned();
-        let place = match name.as_str() {
+        let bytes = part.bytes().await.map_err(|error| refused(&error))?;
+        let kind = kind_of(&name, &bytes)?;
+        let place = match kind {
             "mesh" => &mut mesh,
-            "texture" => &mut image,
-            _ => {
-                let name: String = name.chars().filter(|c| !c.is_control()).take(64).collect();
-                return Err(Problem::bad_request(format!(
-                    "there is a part named \"{name}\": a frame has the parts \"mesh\" and, if it \
-                     has an image, \"texture\""
-                )));
-            }
+            _ => &mut image,
         };
-        if place.is_some() {
+        if place.replace(bytes).is_some() {
             return Err(Problem::bad_request(format!(
-                "there are two parts named \"{name}\""
+                "there are two parts that are the {kind}"
             )));
         }
-        *place = Some(part.bytes().await.map_err(|error| refused(&error))?);
     }
     let mesh = mesh.ok_or_else(|| Problem::bad_request("there is no part named \"mesh\""))?;
     // An empty file field of a form.
@@ -69,6 +64,23 @@ pub(super) async fn join(body: Bytes, boundary: String) -> Result<Bytes, Problem
         image: &image,
     };
     Ok(bundle.encode().into())
+}
+
+/// Whether a part is the mesh or the texture: by its name, or else by its first bytes.
+fn kind_of(name: &str, bytes: &[u8]) -> Result<&'static str, Problem> {
+    match name {
+        "mesh" => Ok("mesh"),
+        "texture" => Ok("texture"),
+        _ if sniff(bytes).is_some() => Ok("mesh"),
+        _ if ImageInfo::read(bytes).is_ok() => Ok("texture"),
+        _ => {
+            let name: String = name.chars().filter(|c| !c.is_control()).take(64).collect();
+            Err(Problem::bad_request(format!(
+                "there is a part named \"{name}\" that is neither a mesh nor an image: a frame has the \
+                 parts \"mesh\" and, if it has an image, \"texture\""
+            )))
+        }
+    }
 }
 
 fn refused(error: &multer::Error) -> Problem {

@@ -281,8 +281,24 @@ async fn what_is_wrong_with_parts_and_bundles_is_named() {
     for (content_type, body, status, said) in [
         ("multipart/form-data", Vec::new(), 400, "no boundary"),
         (parts, form(&["texture"]), 400, "no part named \"mesh\""),
-        (parts, form(&["mesh", "mesh"]), 400, "two parts"),
-        (parts, form(&["mesh", "shoe"]), 400, "a part named \"shoe\""),
+        (
+            parts,
+            form(&["mesh", "mesh"]),
+            400,
+            "two parts that are the mesh",
+        ),
+        (
+            parts,
+            form(&["mesh", "frame"]),
+            400,
+            "two parts that are the mesh",
+        ),
+        (
+            parts,
+            b"--x\r\nContent-Disposition: form-data; name=\"shoe\"\r\n\r\nlace\r\n--x--".to_vec(),
+            400,
+            "a part named \"shoe\"",
+        ),
         (parts, b"--x\r\nCon".to_vec(), 400, "cannot be read"),
         (
             parts,
