@@ -173,7 +173,12 @@ pub(crate) mod tests {
         ktx2.extend([8, 0, 0, 0, 4, 0, 0, 0]);
         let jpeg = b"\xff\xd8\xff\xe0\0\x04\0\0\xff\xc0\0\x11\x08\0\x04\0\x08\x03\x01\x22\0\x02\x11\x01\x03\x11\x01";
         let webp = b"RIFF\x1a\0\0\0WEBPVP8L\x0d\0\0\0\x2f\x07\xc0\0\0\0\0\0\0";
+        // ftyp; meta with iprp with ipco with ispe.
+        let avif =
+            b"\0\0\0\x14ftypavif\0\0\0\0mif1\0\0\0\x30meta\0\0\0\0\0\0\0\x24iprp\0\0\0\x1cipco\
+                     \0\0\0\x14ispe\0\0\0\0\0\0\0\x08\0\0\0\x04";
         for (bytes, format) in [
+            (avif.to_vec(), ImageFormat::Avif),
             (png_header(8, 4), ImageFormat::Png),
             (ktx2, ImageFormat::Ktx2),
             (jpeg.to_vec(), ImageFormat::Jpeg),
