@@ -12,7 +12,7 @@
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Vector3};
-use steadymesh::pipeline::{Attributes, PreparedFrame, RawFrame, register};
+use steadymesh::pipeline::{PreparedFrame, RawFrame, register};
 use steadymesh_geometry::mesh::EdgeTable;
 use steadymesh_geometry::metrics::{DistanceStatistics, surface_distances};
 use steadymesh_geometry::registration::{self, Target};
@@ -43,11 +43,7 @@ fn raw(name: &str) -> Option<RawFrame> {
         max_memory_bytes: 1 << 30,
     };
     let mesh = read(&bytes, format, &limits).unwrap();
-    // The geometry alone, which is what the published figures are about.
-    Some(RawFrame {
-        attributes: Attributes::default(),
-        ..RawFrame::from_mesh(mesh, bytes.len())
-    })
+    Some(RawFrame::from_mesh(mesh, bytes.len()))
 }
 
 fn frame(name: &str) -> Option<TriangleMesh> {

@@ -57,7 +57,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// Reads one frame's geometry. Its seams are left out: where they are kept, they cost closeness.
+/// Reads one frame's geometry, without what it looks like.
 ///
 /// # Errors
 ///

@@ -1,7 +1,10 @@
 //! What the points of a frame look like, and how a simplified mesh comes to look like that.
 
 use steadymesh_geometry::mesh::Wedges;
-use steadymesh_geometry::simplification::{Simplified, SurfaceOrigin, surface_origins};
+use steadymesh_geometry::simplification::{
+    Simplified, SurfaceOrigin, chart_origins, surface_origins,
+};
+use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Face, TriangleMesh};
 
 /// One value per point in each of those that are there.
@@ -30,11 +33,22 @@ pub(super) struct CornerAttributes {
     values: Attributes,
     /// For every face of the repaired mesh, the points at its corners.
     corners: Vec<Face>,
+    /// The wedges of the repaired mesh, if it is simplified without regard to them.
+    left_out: Option<Wedges>,
 }
 
 impl CornerAttributes {
     pub fn new(values: Attributes, corners: Vec<Face>) -> Self {
-        Self { values, corners }
+        Self {
+            values,
+            corners,
+            left_out: None,
+        }
+    }
+
+    /// Keeps the wedges of `mesh`, the repaired one, for when it has been simplified without them.
+    pub fn leave_out_wedges(&mut self, mesh: &TriangleMesh) {
+        self.left_out = Some(self.wedges(mesh));
     }
 
     /// Where the corners of `mesh`, the repaired one, look alike. Only texture coordinates make a
@@ -50,9 +64,16 @@ impl CornerAttributes {
     }
 
     /// The attributes of every wedge of a simplified mesh, from the closest points of the original
-    /// surface.
-    pub fn of_simplified(&self, original: &TriangleMesh, simplified: &Simplified) -> Attributes {
-        let origins = surface_origins(original, simplified);
+    /// `surface`. A mesh that was simplified without regard to wedges is given them.
+    pub fn of_simplified(&self, surface: &TriangleTree, simplified: &mut Simplified) -> Attributes {
+        let origins = match &self.left_out {
+            None => surface_origins(surface.mesh(), simplified),
+            Some(left_out) => {
+                let (wedges, origins) = chart_origins((surface, left_out), &simplified.mesh);
+                simplified.mesh = simplified.mesh.clone().with_wedges(wedges);
+                origins
+            }
+        };
         Attributes {
             normals: self.blend(self.values.normals.as_ref(), &origins, unit),
             colors: self.blend(self.values.colors.as_ref(), &origins, |rgba: [f64; 4]| {

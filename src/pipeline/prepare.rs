@@ -29,8 +29,8 @@ pub struct RawFrame {
     pub repeated_points: usize,
     /// Vertices of the file that have no point since no face refers to them.
     pub pointless_vertices: usize,
-    /// Whether an image lies on it: its seams are held in their places then, which costs closeness
-    /// elsewhere and would be for nothing where nothing is to be seen.
+    /// Whether an image lies on it: its seams are kept where they are then, which costs closeness and
+    /// steadiness and would be for nothing where nothing is to be seen.
     pub has_image: bool,
     /// The length of the body it came in, in bytes.
     pub byte_count: usize,
@@ -94,7 +94,6 @@ pub enum UnusableFrame {
 pub struct PreparedFrame {
     mesh: TriangleMesh,
     attributes: Option<CornerAttributes>,
-    has_image: bool,
     /// Made when it is first asked for: it takes part in this frame's registration and in the
     /// next one's.
     surface: OnceLock<Option<Arc<TriangleTree>>>,
@@ -116,9 +115,13 @@ impl PreparedFrame {
         let (mut mesh, report) = (repaired.mesh, repaired.report);
         let mut attributes = None;
         if !raw.attributes.is_empty() {
-            let of_corners = CornerAttributes::new(raw.attributes, repaired.corner_origins);
-            let wedges = of_corners.wedges(&mesh);
-            mesh = mesh.with_wedges(wedges);
+            let mut of_corners = CornerAttributes::new(raw.attributes, repaired.corner_origins);
+            if raw.has_image {
+                let wedges = of_corners.wedges(&mesh);
+                mesh = mesh.with_wedges(wedges);
+            } else {
+                of_corners.leave_out_wedges(&mesh);
+            }
             attributes = Some(of_corners);
         }
         observer.ended(Stage::Repair);
@@ -142,7 +145,6 @@ impl PreparedFrame {
             bounds: mesh.bounding_box(),
             mesh,
             attributes,
-            has_image: raw.has_image,
             surface: OnceLock::new(),
             input,
         })
@@ -157,11 +159,6 @@ impl PreparedFrame {
     /// What the mesh's corners look like, if the frame said so.
     pub(super) fn attributes(&self) -> Option<&CornerAttributes> {
         self.attributes.as_ref()
-    }
-
-    /// Whether an image lies on it.
-    pub(super) fn has_image(&self) -> bool {
-        self.has_image
     }
 
     /// The tree over the repaired mesh's surface; none if it has no faces, which does not come

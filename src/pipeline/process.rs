@@ -132,10 +132,10 @@ pub fn process_registered(
         (Tracking::Robust, _) => hold_by_anchors(carried.as_ref(), current, settings),
         _ => Hold::Nothing,
     };
-    let simplified;
-    (simplified, metrics.tracking) = hold.simplify(current, settings);
-    let attributes = current.attributes();
-    let attributes = attributes.map(|a| a.of_simplified(current.mesh(), &simplified));
+    let mut simplified;
+    (simplified, metrics.tracking) = hold.simplify(current.mesh(), settings);
+    let attributes = current.attributes().zip(current.surface());
+    let attributes = attributes.map(|(a, surface)| a.of_simplified(surface, &mut simplified));
     observer.ended(Stage::Simplify);
 
     let (draco, mesh) = encode(&simplified.mesh, attributes.as_ref(), settings)?;
@@ -186,14 +186,10 @@ enum Hold<'a> {
 }
 
 impl Hold<'_> {
-    fn simplify(&self, current: &PreparedFrame, settings: &Settings) -> (Simplified, Tracking) {
-        let mesh = current.mesh();
+    fn simplify(&self, mesh: &TriangleMesh, settings: &Settings) -> (Simplified, Tracking) {
         let target = settings.target.faces_of(mesh.face_count());
         let mut options = simplification::Options::to_faces(target);
         options.refines = settings.refines;
-        if !current.has_image() {
-            options.seam_weight = 0.0;
-        }
         match self {
             Self::Nothing => (simplify(mesh, None, &options), Tracking::Off),
             Self::Reference(reference) => {

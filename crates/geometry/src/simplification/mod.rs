@@ -12,11 +12,13 @@
 //! - [`refinement`]: flips and fits what collapsing edges has left.
 //! - `seams`: which collapses leave the texture's charts apart.
 //! - [`surface_origins`]: where on the original the result's attributes come from.
+//! - [`chart_origins`]: the same, and the seams, for a result that was made without regard to them.
 //! - [`simplify`], [`simplify_anchored`]: collapses edges until the target is reached.
 //!
 //! All modes share all but the order: without reference and anchors it is the original QEM.
 
 pub mod anchors;
+mod chart_origins;
 mod connectivity;
 mod edge_collapse;
 mod edge_costs;
@@ -34,6 +36,7 @@ mod surface_origins;
 mod tracked;
 
 pub use anchors::Anchors;
+pub use chart_origins::chart_origins;
 pub use edge_collapse::{NO_WEDGE, Options, Simplified, simplify, simplify_anchored};
 pub use quadric::Quadric;
 pub use surface_origins::{SurfaceOrigin, surface_origins};

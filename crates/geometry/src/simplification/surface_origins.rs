@@ -35,21 +35,28 @@ pub fn surface_origins(original: &TriangleMesh, simplified: &Simplified) -> Vec<
     for (closest, target) in found.iter_mut().zip(&targets) {
         closest.walk(original, from, target);
     }
-    let origin_of = |(closest, target): (&Closest, &Point)| {
-        let triangle = original.triangle(closest.face as usize);
+    let found = found.iter().zip(&targets);
+    let origins =
+        found.map(|(closest, target)| SurfaceOrigin::below(original, closest.face, target));
+    origins.collect()
+}
+
+impl SurfaceOrigin {
+    /// The point of face `face` of `original` that is closest to `target`.
+    pub(super) fn below(original: &TriangleMesh, face: u32, target: &Point) -> Self {
+        let triangle = original.triangle(face as usize);
         let point = closest_point_on_triangle(target, &triangle);
-        SurfaceOrigin {
-            face: closest.face,
+        Self {
+            face,
             weights: within(barycentric(&point, &triangle)),
         }
-    };
-    found.iter().zip(&targets).map(origin_of).collect()
+    }
 }
 
 /// The closest face so far.
 #[derive(Clone, Copy)]
-struct Closest {
-    face: u32,
+pub(super) struct Closest {
+    pub face: u32,
     square: f64,
 }
 
@@ -57,8 +64,14 @@ struct Closest {
 const MAX_STEPS: usize = 64;
 
 impl Closest {
-    /// Goes from face to face as long as that comes closer.
-    fn walk(&mut self, original: &TriangleMesh, wedges: &Wedges, target: &Point) {
+    /// Nothing yet.
+    pub const NONE: Self = Self {
+        face: 0,
+        square: f64::INFINITY,
+    };
+
+    /// Goes from face to face of one chart as long as that comes closer.
+    pub fn walk(&mut self, original: &TriangleMesh, wedges: &Wedges, target: &Point) {
         for _ in 0..MAX_STEPS {
             let here = self.face;
             let corners = wedges.corners()[here as usize];
@@ -75,7 +88,8 @@ impl Closest {
         }
     }
 
-    fn consider(&mut self, original: &TriangleMesh, face: u32, target: &Point) {
+    /// Takes a face if it is closer.
+    pub fn consider(&mut self, original: &TriangleMesh, face: u32, target: &Point) {
         let point = closest_point_on_triangle(target, &original.triangle(face as usize));
         let square = (point - target).norm_squared();
         if square < self.square {
@@ -90,11 +104,7 @@ fn closest_own_faces(
     (wedges, merged): (&Wedges, &[u32]),
     targets: &[Point],
 ) -> Vec<Closest> {
-    let nothing = Closest {
-        face: 0,
-        square: f64::INFINITY,
-    };
-    let mut found = vec![nothing; targets.len()];
+    let mut found = vec![Closest::NONE; targets.len()];
     for (corners, face) in wedges.corners().iter().zip(0..) {
         let [a, b, c] = corners.map(|wedge| merged[wedge as usize]);
         let mut consider = |wedge: u32| {
