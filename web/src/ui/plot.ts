@@ -10,7 +10,7 @@ export interface PlotSample<Series extends string> {
 
 export const PLOT_FRAMES = 150;
 
-const MARGIN = { left: 46, right: 6, top: 8, bottom: 18 };
+const MARGIN = { left: 54, right: 6, top: 8, bottom: 18 };
 const TICK_COUNT = 3;
 
 /** The smallest of 1, 2, 2.5 and 5 times a power of ten that is not below `value`. */
