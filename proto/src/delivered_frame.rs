@@ -59,6 +59,8 @@ pub enum InvalidDeliveredFrame {
     Metrics(#[from] serde_json::Error),
 }
 
+type Parts<'a> = (&'a [u8], &'a [u8], Option<&'a [u8]>);
+
 impl<'a> DeliveredFrame<'a> {
     /// Reads a message.
     ///
@@ -66,6 +68,26 @@ impl<'a> DeliveredFrame<'a> {
     ///
     /// [`InvalidDeliveredFrame`] says what is wrong.
     pub fn decode(bytes: &'a [u8]) -> Result<Self, InvalidDeliveredFrame> {
+        let (metrics, mesh, image) = Self::parts(bytes)?;
+        Ok(Self {
+            metrics: serde_json::from_slice(metrics)?,
+            mesh,
+            image,
+        })
+    }
+
+    /// The image of a message, if it has one, without reading the metrics.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidDeliveredFrame`] says what is wrong.
+    pub fn image_of(bytes: &[u8]) -> Result<Option<&[u8]>, InvalidDeliveredFrame> {
+        let (_, _, image) = DeliveredFrame::parts(bytes)?;
+        Ok(image)
+    }
+
+    /// Metrics, mesh and image.
+    fn parts(bytes: &'a [u8]) -> Result<Parts<'a>, InvalidDeliveredFrame> {
         let Some((header, body)) = bytes.split_first_chunk::<HEADER_BYTES>() else {
             return Err(InvalidDeliveredFrame::Truncated {
                 length: bytes.len(),
@@ -98,11 +120,7 @@ impl<'a> DeliveredFrame<'a> {
         }
         let (metrics, rest) = body.split_at(metrics as usize);
         let (mesh, image) = rest.split_at(mesh as usize);
-        Ok(Self {
-            metrics: serde_json::from_slice(metrics)?,
-            mesh,
-            image: has_image.then_some(image),
-        })
+        Ok((metrics, mesh, has_image.then_some(image)))
     }
 
     /// Writes the message.
@@ -190,6 +208,13 @@ mod tests {
             ..with.clone()
         };
         assert_eq!(DeliveredFrame::decode(&with.encode()).unwrap(), with);
+        let of = |frame: &DeliveredFrame<'_>| {
+            let message = frame.encode();
+            DeliveredFrame::image_of(&message)
+                .unwrap()
+                .map(<[u8]>::to_vec)
+        };
+        assert_eq!((of(&with).as_deref(), of(&without)), (Some(image), None));
         let added = DeliveredFrame::with_image(&without.encode(), image);
         assert_eq!(added, with.encode());
         let left_out = DeliveredFrame::without_image(&added, image);

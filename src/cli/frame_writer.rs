@@ -33,13 +33,6 @@ impl OutputFormat {
     }
 }
 
-/// Our own bytes: the limits are there to be given, not to be reached.
-const LIMITS: Limits = Limits {
-    max_vertices: usize::MAX,
-    max_faces: usize::MAX,
-    max_memory_bytes: usize::MAX,
-};
-
 /// Writes a frame as `stem` with the extension of its format, and its image beside it, unless it is
 /// in the same file.
 ///
@@ -53,7 +46,7 @@ pub(super) fn write_frame(
     (draco, image): (&[u8], Option<(ImageFormat, &[u8])>),
 ) -> anyhow::Result<()> {
     let path = folder.join(format!("{stem}.{}", format.extension()));
-    let mesh = || drc::read(draco, &LIMITS).context("the mesh cannot be read");
+    let mesh = || drc::read(draco, &Limits::NONE).context("the mesh cannot be read");
     let image_name = image.map(|(format, _)| format!("{stem}.{}", format.extension()));
     match format {
         OutputFormat::Drc => write_file(&path, draco)?,

@@ -99,8 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             out,
             image,
         } = simplify_one(file, before, seq, &settings)?;
-        let stem = name.trim_end_matches(arguments.format.extension());
-        let stem = stem.trim_end_matches('.');
+        let (stem, _) = name.rsplit_once('.').unwrap_or((name, ""));
         let image = image.as_ref().map(SourceImage::file);
         let image = image.map(|(format, bytes)| (format, &bytes[..]));
         write_frame(

@@ -58,10 +58,7 @@ pub(super) async fn get_stream(
     Strict(NoParameters {}): Strict<NoParameters>,
 ) -> Result<Json<StreamSummary>, Problem> {
     app.authorize(&credential, Scope::Subscribe, &name)?;
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
+    let stream = app.stream(&name)?;
     Ok(Json(stream.summary()))
 }
 

@@ -23,18 +23,11 @@ use super::extract::{Asking, NoParameters, Strict};
 use super::{App, recordings};
 
 /// A frame does not change, but its number comes again when the stream is deleted and begun
-/// anew: caches are asked to look again after this many seconds.
-const MAX_AGE_SECS: u32 = 60;
+/// anew: caches are asked to look again after a minute.
+const MAX_AGE: &str = "max-age=60";
 
 /// Of what changes with the next frame.
 pub(super) const ASK_AGAIN: &str = "no-cache";
-
-/// For our own bytes: the limits are there to be given, not to be reached.
-const UNLIMITED: Limits = Limits {
-    max_vertices: usize::MAX,
-    max_faces: usize::MAX,
-    max_memory_bytes: usize::MAX,
-};
 
 /// Which frames' metrics are wanted.
 #[derive(Debug, Deserialize)]
@@ -72,23 +65,14 @@ pub(super) async fn get_frame(
             "there is no {file}: ask for a frame's number or \"latest\", with .drc, .glb or .ply"
         ))
     })?;
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
+    let stream = app.stream(&name)?;
     let frame = find(&app, &stream, which).await?;
     let seq = frame.metrics.seq;
     let etag = format!("\"{:x}-{seq}-{}\"", stream.created_us(), format.extension());
-    let cache = match which {
-        Which::Latest => ASK_AGAIN.to_owned(),
-        // What a token opened is nobody else's.
-        Which::Number(_) if app.is_open() => format!("public, max-age={MAX_AGE_SECS}"),
-        Which::Number(_) => format!("private, max-age={MAX_AGE_SECS}"),
-    };
     let location = format!("/v1/streams/{name}/frames/{seq}.{}", format.extension());
     let common = [
         (header::ETAG, etag.clone()),
-        (header::CACHE_CONTROL, cache),
+        (header::CACHE_CONTROL, app.cache_control(which.max_age())),
         (header::CONTENT_LOCATION, location),
     ];
     if is_current(&headers, &etag) {
@@ -121,16 +105,35 @@ pub(super) async fn get_metrics(
     Strict(range): Strict<Range>,
 ) -> Result<Response, Problem> {
     app.authorize(&credential, Scope::Subscribe, &name)?;
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
+    let stream = app.stream(&name)?;
     let frames = stream.last(range.last.unwrap_or(usize::MAX));
     let list = MetricsList {
         stream: name.to_string(),
         frames: frames.iter().map(|frame| frame.metrics.clone()).collect(),
     };
     Ok(([(header::CACHE_CONTROL, ASK_AGAIN)], Json(list)).into_response())
+}
+
+impl App {
+    /// A stream that there is.
+    ///
+    /// # Errors
+    ///
+    /// 404.
+    pub fn stream(&self, name: &StreamName) -> Result<Arc<Stream>, Problem> {
+        let stream = self.registry.get(name);
+        stream.ok_or_else(|| Problem::no_stream(name))
+    }
+
+    /// Who may keep what is good for `max_age`.
+    pub fn cache_control(&self, max_age: &str) -> String {
+        match max_age {
+            ASK_AGAIN => max_age.to_owned(),
+            _ if self.is_open() => format!("public, {max_age}"),
+            // What a token opened is nobody else's.
+            _ => format!("private, {max_age}"),
+        }
+    }
 }
 
 /// A frame that is out.
@@ -149,18 +152,21 @@ pub(super) async fn frame(app: &App, name: &StreamName, seq: &str) -> Result<Fra
             "there is no frame {seq}: ask for a number or \"latest\""
         ))
     })?;
-    let stream = app
-        .registry
-        .get(name)
-        .ok_or_else(|| Problem::no_stream(name))?;
+    let stream = app.stream(name)?;
     find(app, &stream, which).await
 }
 
-/// How long what belongs to a frame may be kept.
+/// How long what belongs to the frame that `seq` in a path says may be kept.
 pub(super) fn max_age(seq: &str) -> &'static str {
-    match parse_which(seq) {
-        Some(Which::Number(_)) => "max-age=60",
-        _ => ASK_AGAIN,
+    parse_which(seq).map_or(ASK_AGAIN, Which::max_age)
+}
+
+impl Which {
+    fn max_age(self) -> &'static str {
+        match self {
+            Self::Latest => ASK_AGAIN,
+            Self::Number(_) => MAX_AGE,
+        }
     }
 }
 
@@ -240,7 +246,7 @@ pub(super) async fn convert(app: &App, frame: Frame, format: Format) -> Result<B
     let job = move || -> Option<Bytes> {
         let bytes = match format {
             Format::Glb => to_glb(&frame)?,
-            _ => ply::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?),
+            _ => ply::write(&drc::read(&frame.mesh, &Limits::NONE).ok()?),
         };
         Some(Bytes::from(bytes))
     };
@@ -249,13 +255,16 @@ pub(super) async fn convert(app: &App, frame: Frame, format: Format) -> Result<B
 }
 
 fn to_glb(frame: &Frame) -> Option<Vec<u8>> {
-    let info = DracoInfo::read(&frame.mesh, &UNLIMITED).ok()?;
+    let info = DracoInfo::read(&frame.mesh, &Limits::NONE).ok()?;
     let texture = frame.metrics.texture.as_ref();
     let format = texture.and_then(|texture| ImageFormat::from_media_type(&texture.media_type));
     let image = format.zip(frame.image.as_deref());
     if image.is_none() && info.texture_coordinate_id.is_some() {
         // In a Draco file v points up, and without an image glTF has no means to say so.
-        return Some(glb::write(&drc::read(&frame.mesh, &UNLIMITED).ok()?, None));
+        return Some(glb::write(
+            &drc::read(&frame.mesh, &Limits::NONE).ok()?,
+            None,
+        ));
     }
     Some(glb::wrap_draco(&frame.mesh, &info, image))
 }

@@ -23,8 +23,9 @@ use super::frames::{self, Frame};
 
 /// Frames of one answer, if no fewer are asked for.
 const MAX_FRAMES: usize = 1000;
-/// A recorded frame never changes, and its recording's name does not come again.
-const MAX_AGE: &str = "max-age=31536000, immutable";
+/// A recorded frame never changes, and its recording's name does not come again; nor does an image
+/// under its name.
+pub(super) const MAX_AGE: &str = "max-age=31536000, immutable";
 
 /// When a raw frame was captured, in microseconds since 1970.
 pub(super) const CAPTURE_TIME: HeaderName = HeaderName::from_static("steadymesh-capture-time-us");
@@ -179,7 +180,7 @@ pub(super) async fn get_frame(
     let etag = format!("\"{id}-{seq}-{}\"", format.extension());
     let common = [
         (header::ETAG, etag.clone()),
-        (header::CACHE_CONTROL, cache(&app)),
+        (header::CACHE_CONTROL, app.cache_control(MAX_AGE)),
     ];
     let recording = app.recording(&name, &id).await?;
     let frame = frame(recording.frame(Track::Output, seq).await?)?;
@@ -221,7 +222,7 @@ pub(super) async fn get_raw_frame(
     let recording = app.recording(&name, &id).await?;
     let StoredFrame { frame, body } = recording.frame(Track::Raw, seq).await?;
     let content_type = [(header::CONTENT_TYPE, frame.content_type)];
-    let common = [(header::CACHE_CONTROL, cache(&app))];
+    let common = [(header::CACHE_CONTROL, app.cache_control(MAX_AGE))];
     let mut response = (common, content_type, body).into_response();
     if let Some(time) = frame.capture_time_us {
         response.headers_mut().insert(CAPTURE_TIME, time.into());
@@ -235,12 +236,6 @@ fn scope(track: Track) -> Scope {
         Track::Raw => Scope::Publish,
         Track::Output => Scope::Subscribe,
     }
-}
-
-fn cache(app: &App) -> String {
-    // What a token opened is nobody else's.
-    let who = if app.is_open() { "public" } else { "private" };
-    format!("{who}, {MAX_AGE}")
 }
 
 pub(super) fn number(text: &str) -> Result<u64, Problem> {

@@ -84,10 +84,7 @@ pub(super) async fn subscribe(
     let access = app.authorize(&credential, Scope::Subscribe, &name)?;
     let (pace, textures) = (wishes.pace()?, wishes.textures);
     // Before the handshake is judged, so that a plain GET learns whether the stream is there.
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
+    let stream = app.stream(&name)?;
     let handshake = socket::accept(handshake)?;
     let limit = app.options().max_subscribers;
     let Some(seat) = stream.take_seat(limit) else {

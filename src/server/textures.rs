@@ -18,9 +18,6 @@ use super::error::Problem;
 use super::extract::{Asking, NoParameters, Strict};
 use super::{frames, recordings};
 
-/// An image's name is that of its bytes.
-const MAX_AGE: &str = "max-age=31536000, immutable";
-
 /// How a player wants to have images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -58,16 +55,16 @@ impl Sent {
 
 /// A recorded message as this player wants it.
 pub(super) fn recorded(message: Bytes, wishes: Textures, sent: &mut Sent) -> Bytes {
-    let Ok(frame) = DeliveredFrame::decode(&message) else {
-        // The player says what is wrong with it.
+    let Ok(Some(image)) = DeliveredFrame::image_of(&message) else {
+        // The player says what is wrong with one that cannot be read.
         return message;
     };
-    match frame.image {
-        Some(image) if wishes != Textures::Inline || !sent.is_new(&frame.metrics) => {
-            DeliveredFrame::without_image(&message, image).into()
-        }
-        _ => message,
+    let is_wanted = wishes == Textures::Inline
+        && DeliveredFrame::decode(&message).is_ok_and(|frame| sent.is_new(&frame.metrics));
+    if is_wanted {
+        return message;
     }
+    DeliveredFrame::without_image(&message, image).into()
 }
 
 /// `GET /v1/streams/{stream}/textures/{id}`.
@@ -79,10 +76,7 @@ pub(super) async fn get_texture(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     app.authorize(&credential, Scope::Subscribe, &name)?;
-    let stream = app
-        .registry
-        .get(&name)
-        .ok_or_else(|| Problem::no_stream(&name))?;
+    let stream = app.stream(&name)?;
     let found = stream.textured(&id).and_then(|frame| {
         let texture = frame.metrics.texture.clone()?;
         Some((texture, frame.image.clone()?))
@@ -93,7 +87,7 @@ pub(super) async fn get_texture(
              the frames' metrics name, while they are new"
         ))
     })?;
-    Ok(answer(&app, &headers, &texture, image, MAX_AGE))
+    Ok(answer(&app, &headers, &texture, image, recordings::MAX_AGE))
 }
 
 /// `GET /v1/streams/{stream}/frames/{seq|latest}/texture`.
@@ -121,7 +115,7 @@ pub(super) async fn get_recorded_texture(
     let seq = recordings::number(&seq)?;
     let recording = app.recording(&name, &id).await?;
     let frame = recordings::frame(recording.frame(Track::Output, seq).await?)?;
-    of_frame(&app, &headers, frame, MAX_AGE)
+    of_frame(&app, &headers, frame, recordings::MAX_AGE)
 }
 
 fn of_frame(
@@ -147,12 +141,7 @@ fn answer(
     max_age: &str,
 ) -> Response {
     let etag = format!("\"{}\"", texture.id);
-    let cache = match max_age {
-        frames::ASK_AGAIN => max_age.to_owned(),
-        // What a token opened is nobody else's.
-        _ if app.is_open() => format!("public, {max_age}"),
-        _ => format!("private, {max_age}"),
-    };
+    let cache = app.cache_control(max_age);
     let common = [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, cache)];
     if frames::is_current(headers, &etag) {
         return (StatusCode::NOT_MODIFIED, common).into_response();

@@ -151,10 +151,9 @@ impl History {
     /// Adds a frame that is out.
     pub fn deliver(&mut self, frame: Encoded) -> Arc<Delivered> {
         // One that is there already is kept once.
-        let before = self.newest().filter(|newest| {
-            let id = |metrics: &FrameMetrics| metrics.texture.as_ref().map(|t| t.id.clone());
-            id(&newest.metrics) == id(&frame.metrics)
-        });
+        let before = self
+            .newest()
+            .filter(|newest| newest.metrics.texture == frame.metrics.texture);
         let shared = before.and_then(|newest| newest.image.clone());
         let delivered = Arc::new(Delivered {
             image: shared.or(frame.image),

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use steadymesh_draco::EncodeOptions;
+use steadymesh_mesh_io::MAX_IMAGE_SIZE;
 use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig, TextureConfig};
 
@@ -18,7 +19,7 @@ const NORMAL_BITS: std::ops::RangeInclusive<u8> = 6..=16;
 const SPEED: std::ops::RangeInclusive<u8> = 0..=10;
 const QUALITY: std::ops::RangeInclusive<u8> = 1..=100;
 /// The same limit as that of images that come in.
-const MAX_SIZE: std::ops::RangeInclusive<u32> = 16..=16_384;
+const MAX_SIZE: std::ops::RangeInclusive<u32> = 16..=MAX_IMAGE_SIZE;
 
 /// A configuration that has been checked, with what it means.
 #[derive(Debug, Clone, PartialEq)]

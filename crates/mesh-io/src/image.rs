@@ -7,7 +7,7 @@ use imagesize::{Compression, ImageType};
 use crate::ReadError;
 
 /// The largest width or height that is taken: what graphics cards take.
-const MAX_SIZE: usize = 16_384;
+pub const MAX_IMAGE_SIZE: u32 = 16_384;
 
 /// An image file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -97,10 +97,10 @@ impl ImageInfo {
             let name = format.media_type();
             refused(format!("its header, of {name}, is cut off or damaged"))
         })?;
-        let range = 1..=MAX_SIZE;
+        let range = 1..=MAX_IMAGE_SIZE as usize;
         if !range.contains(&size.width) || !range.contains(&size.height) {
             return Err(refused(format!(
-                "it has {} x {} pixels; width and height must be from 1 to {MAX_SIZE}",
+                "it has {} x {} pixels; width and height must be from 1 to {MAX_IMAGE_SIZE}",
                 size.width, size.height
             )));
         }

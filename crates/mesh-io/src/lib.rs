@@ -31,7 +31,7 @@ mod sniff;
 
 pub use error::ReadError;
 pub use format::Format;
-pub use image::{Image, ImageBytes, ImageFormat, ImageInfo};
+pub use image::{Image, ImageBytes, ImageFormat, ImageInfo, MAX_IMAGE_SIZE};
 pub use mesh::{Attribute, Mesh};
 pub use per_vertex::PointMesh;
 pub use sniff::sniff;
@@ -45,6 +45,15 @@ pub struct Limits {
     pub max_faces: usize,
     /// Most bytes that a decoder may hold at once: Draco's, or the base64 of a glTF file.
     pub max_memory_bytes: usize,
+}
+
+impl Limits {
+    /// For our own bytes: the limits are there to be given, not to be reached.
+    pub const NONE: Self = Self {
+        max_vertices: usize::MAX,
+        max_faces: usize::MAX,
+        max_memory_bytes: usize::MAX,
+    };
 }
 
 /// Reads `bytes` as `format`.
