@@ -1,10 +1,12 @@
 //! `publish` with images beside the frame files, and `export` of what came of them.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
+#[path = "support/commands.rs"]
+mod commands;
 
+use std::path::{Path, PathBuf};
+
+use commands::{Server, run};
 use serde_json::{Value, json};
 use steadymesh_mesh_io::{Format, Limits, Mesh, read};
 
@@ -14,52 +16,12 @@ const LIMITS: Limits = Limits {
     max_memory_bytes: 1 << 28,
 };
 
-/// A running `steadymesh serve` that records, which ends with the test.
-struct Server {
-    process: Child,
-    /// Kept open, so that the server can go on writing to it.
-    _log: BufReader<ChildStderr>,
-    /// `http://host:port`.
-    address: String,
-}
-
-impl Server {
-    fn recording_to(folder: &Path) -> Self {
-        let url = url::Url::from_directory_path(folder).unwrap();
-        let mut process = steadymesh("serve --listen 127.0.0.1:0 --internal-listen 127.0.0.1:0")
-            .env("STEADYMESH_RECORDINGS__URL", url.as_str())
-            .env("STEADYMESH_STREAMS__DEFAULTS__RECORD", "output")
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut log = BufReader::new(process.stderr.take().unwrap());
-        let mut line = String::new();
-        log.read_line(&mut line).unwrap();
-        let (_, after) = line.split_once("http://").unwrap();
-        let address = format!("http://{}", after.split(',').next().unwrap());
-        Self {
-            process,
-            _log: log,
-            address,
-        }
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.process.kill().ok();
-        self.process.wait().ok();
-    }
-}
-
-fn steadymesh(arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_steadymesh"));
-    command.args(arguments.split_whitespace());
-    command
-}
-
-fn run(arguments: &str) -> Output {
-    steadymesh(arguments).output().unwrap()
+fn recording_to(folder: &Path) -> Server {
+    let url = url::Url::from_directory_path(folder).unwrap();
+    Server::start_with(&[
+        ("STEADYMESH_RECORDINGS__URL", url.as_str()),
+        ("STEADYMESH_STREAMS__DEFAULTS__RECORD", "output"),
+    ])
 }
 
 fn succeeds(arguments: &str) {
@@ -86,7 +48,7 @@ fn png(width: u32) -> Vec<u8> {
 /// Publishes the box with an image three times, of which the second time is the same; gives the
 /// recording's address.
 fn record(server: &Server, folder: &Path) -> String {
-    let stream = format!("{}/v1/streams/box", server.address);
+    let stream = format!("http://{}/v1/streams/box", server.address);
     std::fs::write(folder.join("box.obj"), BOX).unwrap();
     let material = "newmtl skin\nmap_Kd -clamp on the skin.png\n";
     std::fs::write(folder.join("box.mtl"), material).unwrap();
@@ -110,7 +72,7 @@ fn record(server: &Server, folder: &Path) -> String {
         let id = get(&stream).await.unwrap()["recording"]["id"].clone();
         let id = id.as_str().unwrap();
         client.delete(&stream).send().await.unwrap();
-        let recording = format!("{}/v1/recordings/box/{id}", server.address);
+        let recording = format!("http://{}/v1/recordings/box/{id}", server.address);
         while get(&recording).await.unwrap()["state"] != "complete" {
             tokio::time::sleep(std::time::Duration::from_millis(50)).await;
         }
@@ -133,7 +95,7 @@ fn mesh(path: &Path, format: Format) -> Mesh {
 #[test]
 fn a_recording_is_exported_for_other_players_with_its_images() {
     let folder = work_folder("export");
-    let server = Server::recording_to(&work_folder("export-recordings"));
+    let server = recording_to(&work_folder("export-recordings"));
     let recording = record(&server, &folder);
     for format in ["uvol", "drc", "glb", "ply", "obj"] {
         let output = folder.join(format);

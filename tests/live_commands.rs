@@ -1,59 +1,27 @@
 //! The commands that talk to a server, with one of their own.
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "support/commands.rs"]
+mod commands;
+
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use commands::{Server, run, steadymesh};
 use reqwest::Method;
 
-/// A running `steadymesh serve`, which ends with the test.
-struct Server {
-    process: Child,
-    /// Kept open, so that the server can go on writing to it.
-    _log: BufReader<ChildStderr>,
-    /// `host:port`.
-    address: String,
+/// A server with the default settings.
+fn start() -> Server {
+    Server::start_with(&[])
 }
 
-impl Server {
-    fn start() -> Self {
-        Self::start_with(&[])
-    }
-
-    /// Starts one with settings from the environment.
-    fn start_with(settings: &[(&str, &str)]) -> Self {
-        let mut process = steadymesh("serve --listen 127.0.0.1:0 --internal-listen 127.0.0.1:0")
-            .envs(settings.iter().copied())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut log = BufReader::new(process.stderr.take().unwrap());
-        let mut line = String::new();
-        log.read_line(&mut line).unwrap();
-        let (_, after) = line.split_once("http://").unwrap();
-        let address = after.split(',').next().unwrap().to_owned();
-        Self {
-            process,
-            _log: log,
-            address,
-        }
-    }
-
-    fn url(&self, stream: &str) -> String {
-        format!("http://{}/v1/streams/{stream}", self.address)
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.process.kill().ok();
-        self.process.wait().ok();
-    }
+fn stream_url(server: &Server, stream: &str) -> String {
+    format!("http://{}/v1/streams/{stream}", server.address)
 }
 
 /// A command that ends with the test.
@@ -64,16 +32,6 @@ impl Drop for Running {
         self.0.kill().ok();
         self.0.wait().ok();
     }
-}
-
-fn steadymesh(arguments: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_steadymesh"));
-    command.args(arguments.split_whitespace());
-    command
-}
-
-fn run(arguments: &str) -> Output {
-    steadymesh(arguments).output().unwrap()
 }
 
 fn said(output: &Output) -> String {
@@ -90,8 +48,8 @@ fn frame(test: &str) -> String {
 
 #[test]
 fn subscribe_ends_quietly_when_its_reader_has_read_enough() {
-    let (server, file) = (Server::start(), frame("pipe"));
-    let url = server.url("pipe");
+    let (server, file) = (start(), frame("pipe"));
+    let url = stream_url(&server, "pipe");
     assert!(run(&format!("publish {url} {file}")).status.success());
     let endless = steadymesh(&format!("publish {url} {file} --loop --fps 50"))
         .stderr(Stdio::null())
@@ -114,13 +72,13 @@ fn subscribe_ends_quietly_when_its_reader_has_read_enough() {
 
 #[test]
 fn a_second_publisher_is_refused_at_once_unless_it_takes_over() {
-    let (server, file) = (Server::start(), frame("takeover"));
-    let publish = format!("publish {} {file}", server.url("takeover"));
+    let (server, file) = (start(), frame("takeover"));
+    let publish = format!("publish {} {file}", stream_url(&server, "takeover"));
     let mut first = steadymesh(&format!("{publish} --transport ws --loop"))
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let subscribe = format!("subscribe {} --frames 1", server.url("takeover"));
+    let subscribe = format!("subscribe {} --frames 1", stream_url(&server, "takeover"));
     // The stream begins with the first publisher.
     while !run(&subscribe).status.success() {}
     for transport in ["ws", "http"] {
@@ -174,7 +132,7 @@ fn breaking_proxy(server: &str, bytes: usize) -> String {
 
 #[test]
 fn a_publisher_whose_connection_breaks_comes_back_and_loses_nothing() {
-    let (server, file) = (Server::start(), frame("breaking"));
+    let (server, file) = (start(), frame("breaking"));
     let proxy = breaking_proxy(&server.address, 2000);
     let files = [file.as_str()].repeat(40).join(" ");
     let url = format!("http://{proxy}/v1/streams/breaking");
@@ -185,8 +143,8 @@ fn a_publisher_whose_connection_breaks_comes_back_and_loses_nothing() {
 
 #[test]
 fn publish_says_that_it_computes_synthetic_frames_before_it_sends_them() {
-    let server = Server::start();
-    let url = server.url("synthetic");
+    let server = start();
+    let url = stream_url(&server, "synthetic");
     // A quarter of a frame a second in a loop of four seconds is one frame.
     let done = run(&format!(
         "publish {url} --synthetic --vertices 1000 --fps 0.25"
@@ -252,7 +210,7 @@ fn a_recording_that_is_replayed_gives_the_same_bytes_again() {
         ("STEADYMESH_STREAMS__DEFAULTS__RECORD", "both"),
     ]);
     let rig = "--synthetic --vertices 1000 --fps 2 --transport ws";
-    let stream = server.url("demo");
+    let stream = stream_url(&server, "demo");
     assert!(run(&format!("publish {stream} {rig}")).status.success());
     // The last of them.
     while request(Method::GET, &format!("{stream}/frames/7.drc")).is_none() {
@@ -288,7 +246,7 @@ fn a_recording_that_is_replayed_gives_the_same_bytes_again() {
             recordings.join("demo").join(&id).display().to_string(),
         ),
     ] {
-        let (again, output) = (server.url(name), folder.path().join(name));
+        let (again, output) = (stream_url(&server, name), folder.path().join(name));
         let done = run(&format!("replay {place} {again} --same-settings --speed 0"));
         assert!(done.status.success(), "{}", said(&done));
         assert!(said(&done).contains("8 frames sent"), "{}", said(&done));
