@@ -125,10 +125,7 @@ test("a recording is played as fast as it comes without a frame missing", async 
     await new Promise((resolve) => setTimeout(resolve, 100));
   }
   await stop(rig);
-  const deleted = await fetch(url, { method: "DELETE" });
-  assert.equal(deleted.status, 204);
-  const { recordings } = await (await fetch(`${bench.url}/v1/recordings`)).json();
-  const [{ id, output }] = recordings;
+  const { id, output } = await bench.endRecorded("demo");
   const address = `${bench.url}/v1/recordings/demo/${id}`;
   const seqs = await page.evaluate(async (recording) => {
     const { play } = await import("/page.js");

@@ -21,8 +21,7 @@ before(async () => {
     await delay(200);
   }
   await stop(rig);
-  // The recording ends with its stream.
-  await fetch(`${bench.url}/v1/streams/demo`, { method: "DELETE" });
+  await bench.endRecorded("demo");
 });
 
 after(() => bench?.close());

@@ -104,6 +104,20 @@ export class Bench {
     return this.#start(["publish", url, ...paths, "--fps", String(fps), "--loop"], environment);
   }
 
+  /** Deletes a stream; its recording once nothing more will be added to it. */
+  async endRecorded(stream) {
+    const deleted = await fetch(`${this.url}/v1/streams/${stream}`, { method: "DELETE" });
+    assert.equal(deleted.status, 204);
+    const deadline = Date.now() + PATIENCE_MS;
+    for (;;) {
+      const { recordings } = await (await fetch(`${this.url}/v1/recordings`)).json();
+      const [recording] = recordings.filter((one) => one.stream === stream);
+      if (recording?.state === "complete") return recording;
+      assert.ok(Date.now() < deadline, `the recording does not end: ${recording?.state}`);
+      await delay(100);
+    }
+  }
+
   /** A page whose complaints are kept. */
   async page(path, viewport = DESKTOP, options = {}) {
     const context = await this.browser.newContext({ viewport, ...options });

@@ -83,9 +83,7 @@ test("colour is one of the views: shaded, it is clay", async () => {
 });
 
 test("a recording has its images, too", async () => {
-  await fetch(`${bench.url}/v1/streams/sheet`, { method: "DELETE" });
-  const list = await (await fetch(`${bench.url}/v1/recordings`)).json();
-  const { id } = list.recordings[0];
+  const { id } = await bench.endRecorded("sheet");
   await page.goto(`${bench.url}/watch/sheet?recording=${id}&rotate=0`);
   await frameNumber(page);
   await page.keyboard.press("Space");
