@@ -3,8 +3,16 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 import { setTimeout as delay } from "node:timers/promises";
-import { compare, screenshot } from "./pixels.mjs";
-import { Bench, frameAfter, frameNumber, PATIENCE_MS, stat, statusBecomes } from "./support.mjs";
+import { compare, screenshot, stillScreenshot } from "./pixels.mjs";
+import {
+  Bench,
+  eventually,
+  frameAfter,
+  frameNumber,
+  PATIENCE_MS,
+  stat,
+  statusBecomes,
+} from "./support.mjs";
 
 let bench;
 let page;
@@ -71,8 +79,7 @@ test("the plots have a line for each distance and for each kind of persistence",
 test("a paused page stands still, and each kind of surface looks different", async () => {
   await page.keyboard.press("Space");
   await statusBecomes(page, "Paused");
-  await delay(700);
-  const still = await screenshot(page);
+  const still = await stillScreenshot(page);
   const seq = await frameNumber(page);
   await delay(1000);
   const later = await screenshot(page);
@@ -86,19 +93,14 @@ test("a paused page stands still, and each kind of surface looks different", asy
     ["2", "shaded"],
   ]) {
     await page.keyboard.press(key);
-    await delay(700);
+    await eventually(() => changes(before, 500, mode));
     assert.ok(await page.locator(`[data-mode=${mode}]`).isChecked());
-    const shown = await screenshot(page);
-    const { changed } = await compare(bench.browser, before, shown);
-    assert.ok(changed > 500, `${mode} changed ${changed} pixels`);
-    before = shown;
+    before = await stillScreenshot(page);
   }
   const wireframe = page.locator("[data-toggle=wireframe]");
   await page.keyboard.press("w");
   assert.equal(await wireframe.getAttribute("aria-pressed"), "true");
-  await delay(500);
-  const { changed } = await compare(bench.browser, before, await screenshot(page));
-  assert.ok(changed > 500, `edges changed ${changed} pixels`);
+  await eventually(() => changes(before, 500, "edges"));
   await wireframe.click();
   assert.equal(await wireframe.getAttribute("aria-pressed"), "false");
   await page.keyboard.press("1");
@@ -144,18 +146,16 @@ test("the mesh turns and comes nearer by keys and by the pointer, and the view i
   await page.keyboard.press("Space");
   await statusBecomes(page, "Paused");
   // A frame that was asked for before may still come.
-  await delay(700);
+  await stillScreenshot(page);
   await page.keyboard.press("r");
-  await delay(700);
-  const fitted = await screenshot(page);
+  const fitted = await stillScreenshot(page);
   const differs = async (what) => {
-    await delay(900);
-    const { changed } = await compare(bench.browser, fitted, await screenshot(page));
-    assert.ok(changed > 300, `${what} changed ${changed} pixels`);
+    await eventually(() => changes(fitted, 300, what));
     await page.keyboard.press("r");
-    await delay(700);
-    const reset = await compare(bench.browser, fitted, await screenshot(page));
-    assert.ok(reset.changed < 50, `${reset.changed} pixels are not as they were`);
+    await eventually(async () => {
+      const reset = await compare(bench.browser, fitted, await screenshot(page));
+      assert.ok(reset.changed < 50, `${reset.changed} pixels are not as they were`);
+    });
   };
   for (let i = 0; i < 4; i += 1) await page.keyboard.press("ArrowLeft");
   await differs("turning");
@@ -209,12 +209,12 @@ test("a second stream stands beside the first, follows it, and goes away", async
   await page.locator(".view-canvas").focus();
   await page.keyboard.press("Space");
   await statusBecomes(page, "Paused");
-  await delay(1000);
   const halves = [
     [0.05, 0.48],
     [0.52, 0.9],
   ];
-  const still = [await screenshot(page, halves[0]), await screenshot(page, halves[1])];
+  const still = [];
+  for (const half of halves) still.push(await stillScreenshot(page, half));
   await delay(1000);
   for (const [i, half] of halves.entries()) {
     const counts = await compare(bench.browser, still[i], await screenshot(page, half));
@@ -264,12 +264,16 @@ test("nothing was wrong on the console", () => {
 });
 
 /** Waits until the number of the frame that is shown is right. */
-async function shows(isRight, what) {
-  const deadline = Date.now() + PATIENCE_MS;
-  for (;;) {
+function shows(isRight, what) {
+  return eventually(async () => {
     const shown = await frameNumber(page);
-    if (isRight(shown)) return shown;
-    assert.ok(Date.now() < deadline, `frame ${shown} is shown instead of ${what}`);
-    await delay(100);
-  }
+    assert.ok(isRight(shown), `frame ${shown} is shown instead of ${what}`);
+    return shown;
+  });
+}
+
+/** More than `least` pixels of the view are not as they were. */
+async function changes(before, least, what) {
+  const { changed } = await compare(bench.browser, before, await screenshot(page));
+  assert.ok(changed > least, `${what} changed ${changed} pixels`);
 }

@@ -2,9 +2,8 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { setTimeout as delay } from "node:timers/promises";
-import { compare, screenshot } from "./pixels.mjs";
-import { Bench, frameNumber, PHONE, statusBecomes } from "./support.mjs";
+import { compare, screenshot, stillScreenshot } from "./pixels.mjs";
+import { Bench, eventually, frameNumber, PHONE, statusBecomes } from "./support.mjs";
 
 const TOUCH = { hasTouch: true, isMobile: true };
 /** A fingertip, in CSS pixels. */
@@ -52,8 +51,7 @@ test("every control is large enough for a finger and has a name", async () => {
 test("a finger pauses and turns the mesh, two come nearer", async () => {
   await page.getByRole("button", { name: "Pause" }).tap();
   await statusBecomes(page, "Paused");
-  await delay(800);
-  const still = await screenshot(page);
+  const still = await stillScreenshot(page);
   const devtools = await page.context().newCDPSession(page);
   const touch = (type, ...points) =>
     devtools.send("Input.dispatchTouchEvent", {
@@ -63,19 +61,21 @@ test("a finger pauses and turns the mesh, two come nearer", async () => {
   await touch("touchStart", [150, 250]);
   for (let i = 1; i <= 6; i += 1) await touch("touchMove", [150 + i * 15, 250]);
   await touch("touchEnd");
-  await delay(1200);
-  const turned = await screenshot(page);
-  const { changed } = await compare(bench.browser, still, turned);
-  assert.ok(changed > 300, `turning changed ${changed} pixels`);
+  await eventually(async () => {
+    const { changed } = await compare(bench.browser, still, await screenshot(page));
+    assert.ok(changed > 300, `turning changed ${changed} pixels`);
+  });
+  const turned = await stillScreenshot(page);
 
   await touch("touchStart", [180, 250], [210, 250]);
   for (let i = 1; i <= 6; i += 1)
     await touch("touchMove", [180 - i * 10, 250], [210 + i * 10, 250]);
   await touch("touchEnd");
-  await delay(1200);
-  const near = await compare(bench.browser, turned, await screenshot(page));
   const { bright } = await compare(bench.browser, still, turned);
-  assert.ok(near.bright > bright * 1.2, `${near.bright} pixels instead of ${bright} show the mesh`);
+  await eventually(async () => {
+    const near = await compare(bench.browser, turned, await screenshot(page));
+    assert.ok(near.bright > bright * 1.2, `${near.bright} instead of ${bright} pixels of the mesh`);
+  });
 });
 
 test("the list fits, too", async () => {

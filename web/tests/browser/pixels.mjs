@@ -1,5 +1,9 @@
 /** What screenshots show. */
 
+import assert from "node:assert/strict";
+import { setTimeout as delay } from "node:timers/promises";
+import { eventually } from "./support.mjs";
+
 /** The middle of the view, without what lies over it; of its width from one share to another. */
 export async function screenshot(page, [from, to] = [0.2, 0.8]) {
   const { x, y, width, height } = await page.locator(".view-canvas").boundingBox();
@@ -10,6 +14,17 @@ export async function screenshot(page, [from, to] = [0.2, 0.8]) {
     height: height * 0.62,
   };
   return (await page.screenshot({ clip })).toString("base64");
+}
+
+/** The view once nothing in it has moved for a while. */
+export function stillScreenshot(page, part) {
+  return eventually(async () => {
+    const first = await screenshot(page, part);
+    await delay(500);
+    const later = await screenshot(page, part);
+    assert.ok(first === later, "the picture does not come to rest");
+    return later;
+  });
 }
 
 /** Channel differences up to this are noise of the rasterizer. */

@@ -190,6 +190,19 @@ async function freePort() {
   return port;
 }
 
+/** Checks until it holds, however long a loaded machine takes; fails as the check did last. */
+export async function eventually(check) {
+  const deadline = Date.now() + PATIENCE_MS;
+  for (;;) {
+    try {
+      return await check();
+    } catch (error) {
+      if (Date.now() > deadline) throw error;
+    }
+    await delay(100);
+  }
+}
+
 export function stat(page, name) {
   return page.locator(`[data-stat=${name}]`).textContent();
 }

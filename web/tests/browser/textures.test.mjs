@@ -2,10 +2,9 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { setTimeout as delay } from "node:timers/promises";
 import { deflateSync } from "node:zlib";
 import { centersOf, screenshot } from "./pixels.mjs";
-import { Bench, frameAfter, frameNumber, PATIENCE_MS, stat } from "./support.mjs";
+import { Bench, eventually, frameAfter, frameNumber, PATIENCE_MS, stat } from "./support.mjs";
 
 const RED = [230, 20, 20];
 const GREEN = [20, 230, 20];
@@ -36,8 +35,7 @@ before(async () => {
 after(() => bench?.close());
 
 test("the image lies on the mesh, its upper left corner at the upper left", async () => {
-  await delay(700);
-  standsRight(await centersOf(bench.browser, await screenshot(page)), "red", "green", "blue");
+  await eventually(standsRight);
   assert.equal(await stat(page, "texture"), "64×64");
 });
 
@@ -45,9 +43,10 @@ test("another image takes its place, and one that comes again is not fetched aga
   const seq = await frameNumber(page);
   await send(SECOND);
   await frameAfter(page, seq);
-  await delay(700);
-  const second = await centersOf(bench.browser, await screenshot(page));
-  assert.ok(second.blue.y < second.red.y, "blue is not above red");
+  await eventually(async () => {
+    const second = await centersOf(bench.browser, await screenshot(page));
+    assert.ok(second.blue.y < second.red.y, "blue is not above red");
+  });
   for (let i = 0; i < 4; i += 1) await send(SECOND);
   await frameAfter(page, seq + 4);
   assert.equal(new Set(fetched).size, fetched.length, `fetched again: ${fetched}`);
@@ -59,8 +58,7 @@ test("many images leave nothing behind on the graphics card", async () => {
   const seq = await frameNumber(page);
   for (let i = 0; i < 30; i += 1) await send([[i * 8, 0, 0], ...SECOND.slice(1)]);
   await frameAfter(page, seq + 29);
-  await delay(500);
-  assert.equal(await count(), before);
+  await eventually(async () => assert.equal(await count(), before));
 });
 
 test("a held frame has the image of its time", async () => {
@@ -71,15 +69,15 @@ test("a held frame has the image of its time", async () => {
     null,
     { timeout: PATIENCE_MS },
   );
-  await delay(700);
-  standsRight(await centersOf(bench.browser, await screenshot(page)), "red", "green", "blue");
+  await eventually(standsRight);
 });
 
 test("colour is one of the views: shaded, it is clay", async () => {
   await page.keyboard.press("2");
-  await delay(700);
-  const clay = await centersOf(bench.browser, await screenshot(page));
-  assert.equal(clay.red.count + clay.green.count + clay.blue.count, 0);
+  await eventually(async () => {
+    const clay = await centersOf(bench.browser, await screenshot(page));
+    assert.equal(clay.red.count + clay.green.count + clay.blue.count, 0);
+  });
 });
 
 test("a recording has its images, too", async () => {
@@ -88,8 +86,7 @@ test("a recording has its images, too", async () => {
   await frameNumber(page);
   await page.keyboard.press("Space");
   await page.keyboard.press("Home");
-  await delay(1500);
-  standsRight(await centersOf(bench.browser, await screenshot(page)), "red", "green", "blue");
+  await eventually(standsRight);
 });
 
 test("nothing was wrong on the console", () => {
@@ -97,11 +94,12 @@ test("nothing was wrong on the console", () => {
 });
 
 /** The colours of the upper left, upper right and lower left quarter. */
-function standsRight(centers, upperLeft, upperRight, lowerLeft) {
-  const [a, b, c] = [centers[upperLeft], centers[upperRight], centers[lowerLeft]];
-  for (const { count } of [a, b, c]) assert.ok(count > 1000, `only ${count} pixels of a colour`);
-  assert.ok(a.x < b.x, "left and right are the wrong way round");
-  assert.ok(a.y < c.y, "above and below are the wrong way round");
+async function standsRight() {
+  const { red, green, blue } = await centersOf(bench.browser, await screenshot(page));
+  for (const { count } of [red, green, blue])
+    assert.ok(count > 1000, `${count} pixels of a colour`);
+  assert.ok(red.x < green.x, "left and right are the wrong way round");
+  assert.ok(red.y < blue.y, "above and below are the wrong way round");
 }
 
 /** One frame: an upright sheet with this image. */
