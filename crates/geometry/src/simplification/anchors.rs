@@ -10,7 +10,7 @@ use crate::spatial::TriangleTree;
 use crate::{Face, Point, Vector};
 
 use super::Quadric;
-use super::edge_costs::{SeenPull, SeenQuadric};
+use super::edge_costs::{NO_PULL, SeenPull, SeenPulls, SeenQuadric};
 use super::normalization::Normalization;
 use super::placement::place;
 use super::refinement::{self, Kept};
@@ -167,7 +167,9 @@ fn attach(
 
 /// The anchors as the simplification goes on.
 pub(super) struct Pulls {
-    of_vertices: Vec<Option<Pull>>,
+    /// By vertex, the number of its pull or [`NO_PULL`]: few have one, and edges ask for that often.
+    of_vertices: Vec<u32>,
+    pulls: Vec<Pull>,
     /// The same as edges are ranked by.
     seen: Vec<SeenPull>,
     merge_penalty: f64,
@@ -202,38 +204,48 @@ impl Pulls {
         }
         let positions: Vec<Point> = anchors.anchors.iter().map(|a| a.position).collect();
         let positions = normalization.apply(&positions);
-        let mut of_vertices = vec![None; vertex_count];
-        let mut seen = vec![SeenPull::NONE; vertex_count];
+        let mut of_vertices = vec![NO_PULL; vertex_count];
+        let (mut pulls, mut seen) = (Vec::new(), Vec::new());
         for (anchor, position) in anchors.anchors.iter().zip(positions) {
             let quadric = Quadric::of_point(&position, weight * anchor.weight)
                 + Quadric::of_plane(&position, &anchor.normal, reduction * anchor.plane_weight);
-            of_vertices[anchor.vertex as usize] = Some(Pull {
+            of_vertices[anchor.vertex as usize] = pulls.len() as u32;
+            pulls.push(Pull {
                 previous_vertex: anchor.previous_vertex,
                 position,
                 face: anchor.face,
                 fit: anchor.fit,
                 quadric,
             });
-            seen[anchor.vertex as usize] = SeenPull {
+            seen.push(SeenPull {
                 quadric: SeenQuadric::new(&quadric, &position),
                 fit: anchor.fit as f32,
-            };
+            });
         }
         Some(Self {
             of_vertices,
+            pulls,
             seen,
             merge_penalty: hold * anchors.merge_penalty,
         })
     }
 
-    /// The pulls of all vertices as edges are ranked by them, and the penalty.
-    pub fn seen(&self) -> (&[SeenPull], f32) {
-        (&self.seen, self.merge_penalty as f32)
+    /// The pulls as edges are ranked by them.
+    pub fn seen(&self) -> SeenPulls<'_> {
+        SeenPulls {
+            of_vertices: &self.of_vertices,
+            pulls: &self.seen,
+            merge_penalty: self.merge_penalty as f32,
+        }
+    }
+
+    fn of(&self, vertex: u32) -> Option<&Pull> {
+        self.pulls.get(self.of_vertices[vertex as usize] as usize)
     }
 
     /// The anchor that a vertex kept, with its position normalized.
     pub fn kept(&self, vertex: u32) -> Option<Kept> {
-        let pull = self.of_vertices[vertex as usize]?;
+        let pull = self.of(vertex)?;
         Some(Kept {
             position: pull.position,
             face: pull.face,
@@ -244,24 +256,22 @@ impl Pulls {
 
     /// `b` was merged into `a`, which went to `position`: of two anchors the nearer one stays.
     pub fn merge(&mut self, (a, b): (u32, u32), position: &Point) {
-        let (a, b) = (a as usize, b as usize);
-        let of_b = self.of_vertices[b].take();
         let square = |pull: &Pull| (pull.position - position).norm_squared();
-        let takes_b = match (&self.of_vertices[a], &of_b) {
+        let takes_b = match (self.of(a), self.of(b)) {
             (Some(of_a), Some(of_b)) => square(of_b) < square(of_a),
             (None, Some(_)) => true,
             (_, None) => false,
         };
+        let of_b = std::mem::replace(&mut self.of_vertices[b as usize], NO_PULL);
         if takes_b {
-            self.of_vertices[a] = of_b;
-            self.seen[a] = self.seen[b];
+            self.of_vertices[a as usize] = of_b;
         }
     }
 
     /// Where the vertices of `edge` would be merged, given the `quadric` of both, and what that
     /// costs. Of two anchors the one that costs less pulls.
     pub fn place(&self, quadric: &Quadric, edge: Edge, (v1, v2): (&Point, &Point)) -> (Point, f64) {
-        let pulls = [edge.0, edge.1].map(|vertex| self.of_vertices[vertex as usize].as_ref());
+        let pulls = [edge.0, edge.1].map(|vertex| self.of(vertex));
         let mut best: Option<(Point, f64)> = None;
         for pull in pulls.into_iter().flatten() {
             let pulled = *quadric + pull.quadric;

@@ -84,10 +84,11 @@ impl Connectivity {
         neighbors.clear();
         let mark = self.marks.fresh();
         for &face in self.around.row(vertex) {
-            for corner in self.faces[face as usize] {
-                if corner != vertex && self.marks.set(corner, mark) {
-                    neighbors.push(corner);
-                }
+            let (next, last) = opposite(self.faces[face as usize], vertex);
+            for corner in [next, last] {
+                let is_new = self.marks.set(corner, mark);
+                neighbors.push(corner);
+                neighbors.truncate(neighbors.len() - usize::from(!is_new));
             }
         }
     }
@@ -312,13 +313,13 @@ fn irregular_vertices(mesh: &TriangleMesh) -> Vec<bool> {
 /// The other two corners of a face that has `vertex`, in the face's direction.
 #[inline]
 fn opposite([x, y, z]: Face, vertex: u32) -> (u32, u32) {
-    if x == vertex {
-        (y, z)
-    } else if y == vertex {
-        (z, x)
-    } else {
-        (x, y)
-    }
+    let is_second = 0u32.wrapping_sub(u32::from(y == vertex));
+    let is_third = 0u32.wrapping_sub(u32::from(z == vertex));
+    let is_first = !(is_second | is_third);
+    (
+        y & is_first | z & is_second | x & is_third,
+        z & is_first | x & is_second | y & is_third,
+    )
 }
 
 /// The third corner of a face with `a`, if it has `b` too.

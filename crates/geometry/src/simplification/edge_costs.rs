@@ -64,10 +64,21 @@ impl SeenPull {
     };
 }
 
-/// The vertices' quadrics and, if anything is held, their pulls and what merging two of them costs.
+/// What pulls the vertices, and what merging two of those costs.
+pub(super) struct SeenPulls<'a> {
+    /// By vertex, which of the pulls is its own, or [`NO_PULL`].
+    pub of_vertices: &'a [u32],
+    pub pulls: &'a [SeenPull],
+    pub merge_penalty: f32,
+}
+
+/// The number of the pull of a vertex that has none.
+pub(super) const NO_PULL: u32 = u32::MAX;
+
+/// The vertices' quadrics and, if anything is held, their pulls.
 pub(super) struct EdgeCosts<'a> {
     pub quadrics: &'a [SeenQuadric],
-    pub pulls: Option<(&'a [SeenPull], f32)>,
+    pub pulls: Option<SeenPulls<'a>>,
 }
 
 /// Places of edges in a list, by how many of their ends are pulled: those alike are rated together.
@@ -102,8 +113,8 @@ impl EdgeCosts<'_> {
     }
 
     fn is_pulled(&self, vertex: u32) -> bool {
-        let pulls = self.pulls.map(|(pulls, _)| &pulls[vertex as usize]);
-        pulls.is_some_and(|pull| 0.0 < pull.fit)
+        let pulls = self.pulls.as_ref();
+        pulls.is_some_and(|pulls| pulls.of_vertices[vertex as usize] != NO_PULL)
     }
 
     fn alone(&self, edges: &[Edge; LANES]) -> f32x8 {
@@ -130,7 +141,7 @@ impl EdgeCosts<'_> {
         let (ones, others) = (self.pulls_of(ones), self.pulls_of(others));
         let (by_one, by_other) = (planes.pulled(&ones), planes.pulled(&others));
         let fits = |pulls: [&SeenPull; LANES]| f32x8::new(pulls.map(|pull| pull.fit));
-        let penalty = self.pulls.map_or(0.0, |(_, penalty)| penalty);
+        let penalty = self.pulls.as_ref().map_or(0.0, |pulls| pulls.merge_penalty);
         let factor = fits(ones).fast_min(fits(others)) * penalty + f32x8::ONE;
         // Where one of them is not a number the sum is none, and nothing else may hide it.
         let unknown = by_one + by_other;
@@ -141,8 +152,12 @@ impl EdgeCosts<'_> {
     fn pulls_of(&self, vertices: [u32; LANES]) -> [&SeenPull; LANES] {
         const NONE: &SeenPull = &SeenPull::NONE;
         vertices.map(|vertex| {
-            let pulls = self.pulls.map(|(pulls, _)| &pulls[vertex as usize]);
-            pulls.unwrap_or(NONE)
+            let pulls = self.pulls.as_ref();
+            let pull = pulls.and_then(|pulls| {
+                let number = pulls.of_vertices[vertex as usize];
+                pulls.pulls.get(number as usize)
+            });
+            pull.unwrap_or(NONE)
         })
     }
 
@@ -288,10 +303,14 @@ mod tests {
                 let seen = SeenPull { quadric: SeenQuadric::new(&quadric, &to), fit: 0.8 };
                 if is_pulled { (quadric, seen) } else { (Quadric::default(), SeenPull::NONE) }
             };
+            let of_vertices: Vec<u32> = (0..)
+                .zip(&is_pulled)
+                .map(|(vertex, is_pulled)| if *is_pulled { vertex } else { NO_PULL })
+                .collect();
             let places = corners.iter().map(|(place, _)| place);
             let (exact, pulls): (Vec<_>, Vec<_>) =
                 places.zip(is_pulled.iter().copied()).map(pull).unzip();
-            let costs = EdgeCosts { quadrics: &seen, pulls: Some((&pulls, 2.0)) };
+            let costs = EdgeCosts { quadrics: &seen, pulls: Some(SeenPulls { of_vertices: &of_vertices, pulls: &pulls, merge_penalty: 2.0 }) };
             let edges = (0..11).map(|first| Rated { edge: Edge(first, first + 1), cost: 0.0 });
             let mut edges: Vec<Rated> = edges.collect();
             costs.rate(&mut edges, &mut ByPulls::default());

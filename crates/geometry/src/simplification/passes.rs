@@ -80,11 +80,16 @@ impl Passes {
     /// were refused: cheap ones that are refused for good would leave room for no others.
     fn rate_again(&mut self, mesh: &mut Collapses<'_>) {
         let touched = &mut self.touched;
-        self.edges.retain(|Rated { edge, cost }| {
-            *cost != REFUSED && !touched[edge.0 as usize] && !touched[edge.1 as usize]
-        });
+        // Without a branch: which edges stay is not to be foretold.
+        let mut kept = 0;
+        for at in 0..self.edges.len() {
+            let Rated { edge, cost } = self.edges[at];
+            let is_touched = touched[edge.0 as usize] | touched[edge.1 as usize];
+            self.edges[kept] = Rated { edge, cost };
+            kept += usize::from((cost != REFUSED) & !is_touched);
+        }
+        self.edges.truncate(kept);
         self.refused = 0;
-        let kept = self.edges.len();
         for &vertex in &self.merged {
             mesh.connectivity.neighbors(vertex, &mut self.neighbors);
             for &neighbor in &self.neighbors {

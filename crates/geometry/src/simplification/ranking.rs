@@ -30,15 +30,16 @@ impl Ranking {
     /// that are about as cheap as the last of them.
     pub fn cheapest(&mut self, edges: &[Rated], wanted: usize) -> &[(u32, u32)] {
         let limit = limit(edges, wanted);
-        let keyed = edges
-            .iter()
-            .zip(0..)
-            .map(|(edge, index)| (key(edge), index));
-        self.keyed.clear();
-        self.keyed
-            .extend(keyed.filter(|(key, _)| key >> DIGIT_BITS <= limit));
-        self.scratch.clear();
-        self.scratch.resize(self.keyed.len(), (0, 0));
+        self.keyed.resize(edges.len(), (0, 0));
+        let mut count = 0;
+        for (edge, index) in edges.iter().zip(0..) {
+            let key = key(edge);
+            // Without a branch: which edges are cheap is not to be foretold.
+            self.keyed[count] = (key, index);
+            count += usize::from(key >> DIGIT_BITS <= limit);
+        }
+        self.keyed.truncate(count);
+        self.scratch.resize(count, (0, 0));
         sort_by_digit(&self.keyed, &mut self.scratch, 0);
         sort_by_digit(&self.scratch, &mut self.keyed, DIGIT_BITS);
         &self.keyed
