@@ -4,6 +4,7 @@ use crate::mesh::Edge;
 use crate::{Face, Point, TriangleMesh, Vector};
 
 use super::faces_around::{FacesAround, MAX_VALENCE};
+use super::surroundings::{Sector, Surroundings};
 
 /// Faces and who is around whom, under edge collapses.
 pub(super) struct Connectivity {
@@ -16,6 +17,7 @@ pub(super) struct Connectivity {
     /// By vertex, whether it is on a boundary or on an edge whose faces turn against each other.
     is_irregular: Vec<bool>,
     marks: Marks,
+    surroundings: Surroundings,
 }
 
 /// Tells in one look whether a vertex has been seen since the last fresh mark.
@@ -42,6 +44,7 @@ impl Connectivity {
                 of_vertex: vec![0; mesh.vertex_count()],
                 last: 0,
             },
+            surroundings: Surroundings::default(),
         };
         connectivity.is_irregular = connectivity.is_open.clone();
         let mut neighbors = Vec::new();
@@ -149,6 +152,7 @@ impl Connectivity {
 
     /// How many faces collapsing the edge between `a` and `b` takes away; `None` if it does not
     /// leave a surface of the same kind, or leaves a vertex with more than [`MAX_VALENCE`] faces.
+    /// It is then the edge that [`Self::keeps_orientation`] and [`Self::collapse`] are about.
     ///
     /// The link condition, Lk(a) ∩ Lk(b) = Lk(ab): Dey, Edelsbrunner, Guha and Nekhayev,
     /// "Topology Preserving Edge Contraction", Publications de l'Institut Mathématique 66(80),
@@ -157,9 +161,11 @@ impl Connectivity {
         if MAX_VALENCE < self.around.valence(a) + self.around.valence(b) {
             return None;
         }
-        let (apexes, common) = self.look_around(a, b)?;
-        let [Some(first), second] = apexes else {
-            return None;
+        let common = self.look_around(a, b);
+        let (first, second) = match self.surroundings.vanishing() {
+            [(_, one)] => (*one, None),
+            [(_, one), (_, other)] if one != other => (*one, Some(*other)),
+            _ => return None,
         };
         // An apex that only this face holds would be lost, and with it the surface's outline.
         let is_held = |apex: u32| self.around.valence(apex) != 1;
@@ -183,28 +189,29 @@ impl Connectivity {
         }
         // A face at a and one at b over the same edge would fall onto each other, as on a
         // tetrahedron; that edge could only run between the apexes.
-        let fall_together = self.has_face([a, first, second]) && self.has_face([b, first, second]);
+        let [at_a, at_b] = self.surroundings.staying();
+        let is_between_apexes = |sector: &Sector| {
+            (sector.next, sector.last) == (first, second)
+                || (sector.last, sector.next) == (first, second)
+        };
+        let fall_together =
+            at_a.iter().any(is_between_apexes) && at_b.iter().any(is_between_apexes);
         (!fall_together).then_some(2)
     }
 
-    /// The corners across the edge between `a` and `b`, and how many vertices neighbor both; `None`
-    /// if there are three such corners, or one of them twice.
-    fn look_around(&mut self, a: u32, b: u32) -> Option<([Option<u32>; 2], usize)> {
+    /// Writes down what is around the edge between `a` and `b`, and says how many vertices neighbor
+    /// both. Without branches on who is whom, which are not to be foretold.
+    fn look_around(&mut self, a: u32, b: u32) -> usize {
         let (of_a, counted) = (self.marks.fresh(), self.marks.fresh());
-        let mut apexes = [None; 2];
+        let around = &mut self.surroundings;
+        around.start((a, b));
         for &face in self.around.row(a) {
             let (next, last) = opposite(self.faces[face as usize], a);
             self.marks.set(next, of_a);
             self.marks.set(last, of_a);
-            if next == b || last == b {
-                let apex = if next == b { last } else { next };
-                match apexes {
-                    [None, _] => apexes[0] = Some(apex),
-                    [Some(first), None] if first != apex => apexes[1] = Some(apex),
-                    [Some(_), _] => return None,
-                }
-            }
+            around.add_at_a(Sector { face, next, last });
         }
+        around.staying_at_a = around.staying_count;
         let mut common = 0;
         for &face in self.around.row(b) {
             let (next, last) = opposite(self.faces[face as usize], b);
@@ -214,58 +221,42 @@ impl Connectivity {
                 common += usize::from(is_common);
                 *mark = if is_common { counted } else { *mark };
             }
+            around.add_at_b(Sector { face, next, last });
         }
-        Some((apexes, common))
+        common
     }
 
-    /// Whether the three vertices, the first of them alive, are the corners of a face.
-    fn has_face(&self, [a, b, c]: [u32; 3]) -> bool {
-        self.around.row(a).iter().any(|&face| {
-            let corners = self.faces[face as usize];
-            corners.contains(&b) && corners.contains(&c)
-        })
-    }
-
-    /// Whether moving `a` and `b` to `to` keeps every face around them, but those on their edge,
-    /// turned the way it was and with an area.
-    pub fn keeps_orientation(&self, positions: &[Point], (a, b): (u32, u32), to: &Point) -> bool {
+    /// Whether moving both ends of the edge to `to` keeps every face around them, but those on the
+    /// edge, turned the way it was and with an area.
+    pub fn keeps_orientation(&self, positions: &[Point], to: &Point) -> bool {
         let at = |corner: u32| &positions[corner as usize];
-        [(a, b), (b, a)].into_iter().all(|(vertex, other)| {
-            self.around.row(vertex).iter().all(|&face| {
-                let (left, right) = opposite(self.faces[face as usize], vertex);
-                left == other || right == other || {
-                    let far_edge = at(right) - at(left);
-                    keeps_side(&far_edge, &(at(vertex) - at(left)), &(to - at(left)))
-                }
+        let (a, b) = self.surroundings.edge;
+        let [at_a, at_b] = self.surroundings.staying();
+        [(a, at_a), (b, at_b)].into_iter().all(|(vertex, sectors)| {
+            sectors.iter().all(|&Sector { next, last, .. }| {
+                let far_edge = at(last) - at(next);
+                keeps_side(&far_edge, &(at(vertex) - at(next)), &(to - at(next)))
             })
         })
     }
 
-    /// Merges `b` into `a`. The faces on their edge vanish.
-    pub fn collapse(&mut self, a: u32, b: u32) {
+    /// Merges the edge's second end into its first. The faces on it vanish.
+    pub fn collapse(&mut self) {
+        let (a, b) = self.surroundings.edge;
         self.is_open[a as usize] |= self.is_open[b as usize];
         self.is_irregular[a as usize] |= self.is_irregular[b as usize];
-        let start = self.around.start_row();
-        for index in self.around.range(a) {
-            let face = self.around.at(index);
-            match apex(self.faces[face as usize], a, b) {
-                Some(apex) => {
-                    self.alive[face as usize] = false;
-                    self.face_count -= 1;
-                    self.around.remove(apex, face, &self.alive);
-                }
-                None => self.around.push(face),
-            }
+        for &(face, apex) in self.surroundings.vanishing() {
+            self.alive[face as usize] = false;
+            self.face_count -= 1;
+            self.around.remove(apex, face, &self.alive);
         }
-        for index in self.around.range(b) {
-            let face = self.around.at(index);
-            if self.alive[face as usize] {
-                let corners = &mut self.faces[face as usize];
-                *corners = corners.map(|corner| if corner == b { a } else { corner });
-                self.around.push(face);
-            }
+        let [at_a, at_b] = self.surroundings.staying();
+        for &Sector { face, .. } in at_b {
+            let corners = &mut self.faces[face as usize];
+            *corners = corners.map(|corner| if corner == b { a } else { corner });
         }
-        self.around.finish_row(start, (a, b));
+        let staying = at_a.iter().chain(at_b).map(|sector| sector.face);
+        self.around.merge((a, b), staying);
     }
 }
 

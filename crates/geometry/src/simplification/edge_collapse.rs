@@ -304,7 +304,7 @@ impl Collapses<'_> {
         let is_allowed = rules == Rules::TopologyOnly
             || self
                 .connectivity
-                .keeps_orientation(&self.positions, (a, b), &position);
+                .keeps_orientation(&self.positions, &position);
         is_allowed.then(|| {
             self.collapse(a, b, position);
             (a, b)
@@ -316,7 +316,7 @@ impl Collapses<'_> {
         if let Some(seams) = &mut self.seams {
             seams.merge(&self.connectivity, (a, b));
         }
-        self.connectivity.collapse(a, b);
+        self.connectivity.collapse();
         self.positions[a as usize] = position;
         // The frame's own quadrics add up; the reference's are gathered anew for every edge.
         let merged = self.quadrics[a as usize] + self.quadrics[b as usize];

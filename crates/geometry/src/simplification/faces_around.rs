@@ -73,18 +73,7 @@ impl FacesAround {
     /// The faces around a vertex. Those of a hub may include some that are no more.
     #[inline]
     pub fn row(&self, vertex: u32) -> &[u32] {
-        &self.faces[self.range(vertex)]
-    }
-
-    /// Where the row of a vertex is, for [`Self::at`] while a new row is being written.
-    #[inline]
-    pub fn range(&self, vertex: u32) -> std::ops::Range<usize> {
-        self.rows[vertex as usize].range()
-    }
-
-    #[inline]
-    pub fn at(&self, index: usize) -> u32 {
-        self.faces[index]
+        &self.faces[self.rows[vertex as usize].range()]
     }
 
     /// Takes a face that is no more out of the row of a vertex.
@@ -103,35 +92,31 @@ impl FacesAround {
         }
     }
 
-    /// Starts a new row; gives back the space of old ones if that has become as much as all rows
-    /// had at first.
-    pub fn start_row(&mut self) -> usize {
-        if self.compact_at < self.faces.len() {
-            let mut faces = Vec::with_capacity(self.compact_at);
-            for row in &mut self.rows {
-                let start = faces.len() as u32;
-                faces.extend_from_slice(&self.faces[row.range()]);
-                row.start = start;
-            }
-            self.faces = faces;
-        }
-        self.faces.len()
-    }
-
-    /// Puts a face into the new row.
-    #[inline]
-    pub fn push(&mut self, face: u32) {
-        self.faces.push(face);
-    }
-
-    /// Makes what has been pushed since `start` the row of `into`, and leaves `from` without.
-    pub fn finish_row(&mut self, start: usize, (into, from): (u32, u32)) {
+    /// Gives `into` a new row of these faces, and leaves `from` without.
+    pub fn merge(&mut self, (into, from): (u32, u32), faces: impl Iterator<Item = u32>) {
+        self.make_room();
+        let start = self.faces.len();
+        self.faces.extend(faces);
         self.rows[from as usize].length = 0;
         self.rows[into as usize] = Row {
             start: start as u32,
             length: (self.faces.len() - start) as u32,
             gone: 0,
         };
+    }
+
+    /// Gives back the space of old rows if that has become as much as all rows had at first.
+    fn make_room(&mut self) {
+        if self.faces.len() <= self.compact_at {
+            return;
+        }
+        let mut faces = Vec::with_capacity(self.compact_at);
+        for row in &mut self.rows {
+            let start = faces.len() as u32;
+            faces.extend_from_slice(&self.faces[row.range()]);
+            row.start = start;
+        }
+        self.faces = faces;
     }
 }
 

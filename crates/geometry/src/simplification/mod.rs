@@ -5,6 +5,7 @@
 //! - `tracked`: the reference's quadrics around an edge (Eq. 10 to 14, 16).
 //! - `placement`: where the merged vertex goes (Eq. 15, section 3.3, Algorithm 1).
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
+//! - `surroundings`: the faces around an edge that may be collapsed.
 //! - `edge_costs`: what collapsing many edges costs, about.
 //! - `greedy`, `queue`: the cheapest edge first, for the paper's mode.
 //! - `passes`, `ranking`: nearly that order at half the time, for all others.
@@ -33,6 +34,7 @@ mod ranking;
 pub mod refinement;
 mod seams;
 mod surface_origins;
+mod surroundings;
 mod tracked;
 
 pub use anchors::Anchors;
