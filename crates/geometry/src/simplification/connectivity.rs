@@ -96,6 +96,15 @@ impl Connectivity {
         }
     }
 
+    /// Reads the faces around a vertex, or the first of very many, for no other reason than to have
+    /// them at hand.
+    #[inline]
+    pub fn read_around(&self, vertex: u32) -> u32 {
+        const USUAL_VALENCE: usize = 6;
+        let faces = self.around.row(vertex).iter().take(USUAL_VALENCE);
+        faces.fold(0, |read, &face| read ^ self.faces[face as usize][0])
+    }
+
     /// The corners across the edge between `a` and `b`, one for every face on it.
     fn apexes(&self, a: u32, b: u32) -> impl Iterator<Item = u32> {
         self.around

@@ -34,6 +34,11 @@ const EDGES_PER_COLLAPSE: usize = 3;
 /// But at no fewer than this: the last passes would rank all edges for a handful that are refused.
 const MIN_EDGES: usize = 64;
 
+/// Edges whose surroundings are read together before the first of them collapses: one by one the
+/// processor would wait for each, as the next cheapest edge is elsewhere on the mesh. Frames that do not
+/// fit into its cache gain the most, an eighth of the time at 100,000 faces.
+const READ_AHEAD: usize = 32;
+
 /// The cost of an edge that was refused.
 const REFUSED: f32 = f32::INFINITY;
 
@@ -57,21 +62,28 @@ impl Passes {
             touched,
             ..
         } = self;
-        for &(_, index) in ranking.cheapest(edges, wanted) {
-            let Rated { edge, cost } = &mut edges[index as usize];
-            let ends = [edge.0 as usize, edge.1 as usize];
-            if ends.iter().any(|&end| touched[end]) {
-                continue;
-            }
-            let Some((left, _)) = mesh.try_collapse(*edge, target, rules) else {
-                *cost = REFUSED;
-                self.refused += 1;
-                continue;
-            };
-            ends.iter().for_each(|&end| touched[end] = true);
-            self.merged.push(left);
-            if mesh.connectivity.face_count() <= target {
-                return;
+        for cheapest in ranking.cheapest(edges, wanted).chunks(READ_AHEAD) {
+            mesh.read_ahead(
+                cheapest
+                    .iter()
+                    .map(|&(_, index)| edges[index as usize].edge),
+            );
+            for &(_, index) in cheapest {
+                let Rated { edge, cost } = &mut edges[index as usize];
+                let ends = [edge.0 as usize, edge.1 as usize];
+                if ends.iter().any(|&end| touched[end]) {
+                    continue;
+                }
+                let Some((left, _)) = mesh.try_collapse(*edge, target, rules) else {
+                    *cost = REFUSED;
+                    self.refused += 1;
+                    continue;
+                };
+                ends.iter().for_each(|&end| touched[end] = true);
+                self.merged.push(left);
+                if mesh.connectivity.face_count() <= target {
+                    return;
+                }
             }
         }
     }
