@@ -8,7 +8,7 @@ use super::{SurfacePoint, TriangleTree, straight_walk};
 const LARGEST_GROWTH: f64 = 3.0;
 
 /// unless it is closer than this share of the reach: neighbors may be on the surface by chance.
-const SURE_SHARE: f64 = 0.1;
+const SURE_SHARE: f64 = 0.3;
 
 /// For every vertex of `mesh` the point of `surface` below it, on the sheet on which its neighbors
 /// are: found by walking from where a neighbor's was. Where the way ends on no face, further away
