@@ -654,6 +654,7 @@ fn config() -> StreamConfig {
         target_ratio: Some(0.1),
         tracking: Some(Tracking::Robust),
         tracking_strength: Some(0.5),
+        attribute_weight: Some(0.01),
         draco: DracoConfig {
             position_bits: Some(12),
             speed: Some(5),

@@ -9,8 +9,8 @@
 use std::path::PathBuf;
 
 use steadymesh::pipeline::{
-    Attributes, Output, PreparedFrame, Previous, ProcessedFrame, RawFrame, Settings, TargetSize,
-    process,
+    AttributeWeight, Attributes, Output, PreparedFrame, Previous, ProcessedFrame, RawFrame,
+    Settings, TargetSize, process,
 };
 use steadymesh_geometry::mesh::{Edge, EdgeTable};
 use steadymesh_geometry::spatial::{TriangleTree, barycentric};
@@ -317,5 +317,69 @@ fn colors_come_from_the_original_surface() {
         assert_eq!((*blue, *alpha), (7, 255));
         let off = [(red, u), (green, v)].map(|(c, t)| (f32::from(*c) - t * 255.0).abs());
         assert!(off.iter().all(|off| *off < 6.0), "{off:?}");
+    }
+}
+
+/// A slightly bumpy sheet with a dark disc painted on it, a color for every vertex.
+fn painted_sheet(size: u32) -> RawFrame {
+    let positions = (0..size * size).map(|at| {
+        let (x, y) = (f64::from(at % size), f64::from(at / size));
+        [x, y, 0.4 * (0.31 * x).sin() * (0.27 * y).cos()]
+    });
+    let positions: Vec<[f64; 3]> = positions.collect();
+    let faces = (0..(size - 1) * (size - 1)).flat_map(|cell| {
+        let a = cell / (size - 1) * size + cell % (size - 1);
+        [[a, a + 1, a + size + 1], [a, a + size + 1, a + size]]
+    });
+    let colors = positions.iter().map(|&at| painted(at, f64::from(size)));
+    RawFrame {
+        attributes: Attributes {
+            colors: Some(colors.collect()),
+            ..Attributes::default()
+        },
+        faces: faces.collect(),
+        positions,
+        ..RawFrame::default()
+    }
+}
+
+fn painted([x, y, _]: [f64; 3], size: f64) -> [u8; 4] {
+    let from_rim = (x - size / 2.0).hypot(y - size / 2.0) - size / 4.0;
+    let value = (128.0 + 64.0 * from_rim).clamp(20.0, 230.0) as u8;
+    [value, value, 90, 255]
+}
+
+#[test]
+fn colors_with_a_weight_stay_where_they_are() {
+    const SIZE: u32 = 60;
+    let original = painted_sheet(SIZE);
+    let error_with = |tracking, weight| {
+        let settings = Settings {
+            target: TargetSize::Faces(400),
+            tracking,
+            attribute_weight: AttributeWeight::new(weight).unwrap(),
+            ..Settings::default()
+        };
+        let frame = PreparedFrame::new(original.clone(), &mut ()).unwrap();
+        let out = process(&frame, None, &settings, &mut ()).unwrap();
+        let mesh = drc::read(&out.draco, &LIMITS).unwrap();
+        let colors = mesh.colors.as_ref().unwrap().values.clone();
+        let positions = mesh.positions.iter().map(|&p| Point::from(p)).collect();
+        let delivered = TriangleMesh::new(positions, mesh.faces.clone()).unwrap();
+        let surface = TriangleTree::new(&delivered).unwrap();
+        let errors = original.positions.iter().map(|&at| {
+            let below = surface.closest(&Point::from(at));
+            let corners = mesh.faces[below.face as usize].map(|corner| corner as usize);
+            let weights = barycentric(&below.position, &delivered.triangle(below.face as usize));
+            let shown = corners.iter().zip(weights);
+            let shown: f64 = shown.map(|(c, w)| w * f64::from(colors[*c][0])).sum();
+            (shown - f64::from(painted(at, f64::from(SIZE))[0])).powi(2)
+        });
+        (errors.sum::<f64>() / original.positions.len() as f64).sqrt()
+    };
+    for tracking in [Tracking::Off, Tracking::Robust, Tracking::Paper] {
+        let (without, with) = (error_with(tracking, 0.0), error_with(tracking, 0.02));
+        println!("{tracking:?}: off by {without} without, {with} with a weight");
+        assert!(with < 0.6 * without, "{tracking:?}: {without} {with}");
     }
 }

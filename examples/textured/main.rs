@@ -4,12 +4,13 @@
 //! cargo run --release --example textured -- FACES DIRECTORY FRAME.obj IMAGE [FRAME.obj IMAGE ...]
 //! ```
 //!
-//! Prints a table, and writes pictures into the directory. The frames are one sequence. All
+//! Prints two tables, of the textured frames and of the same with a color for every vertex, and writes pictures into the directory. The frames are one sequence. All
 //! results go through Draco with the server's default settings; PSNR is that of 16 views from
 //! around together, where either of the two shows the mesh.
 
 #![allow(clippy::print_stdout, reason = "its output is the table")]
 
+mod colors;
 mod render;
 
 use std::path::Path;
@@ -18,7 +19,9 @@ use anyhow::{Context, bail};
 use image::{RgbImage, imageops};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use render::{Textured, Views, difference};
-use steadymesh::pipeline::{PreparedFrame, Previous, RawFrame, Settings, TargetSize, process};
+use steadymesh::pipeline::{
+    AttributeWeight, PreparedFrame, Previous, RawFrame, Settings, TargetSize, process,
+};
 use steadymesh_draco::{DecodeLimits, EncodeOptions, MeshView};
 use steadymesh_mesh_io::{Limits, Mesh, obj};
 use steadymesh_proto::metrics::Tracking;
@@ -31,14 +34,22 @@ const SIZE: u32 = 768;
 /// users try.
 const WEIGHTS: [f32; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
+/// How frames are simplified: tracking and the weight of the attributes.
+const RUNS: [(Tracking, f64); 4] = [
+    (Tracking::Off, 0.0),
+    (Tracking::Off, 0.01),
+    (Tracking::Robust, 0.0),
+    (Tracking::Robust, 0.01),
+];
+
 fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [faces, directory, files @ ..] = &arguments[..] else {
         bail!("FACES DIRECTORY FRAME.obj IMAGE ...");
     };
     let target: usize = faces.parse().context("FACES")?;
-    let mut previous: [Option<PreparedFrame>; 2] = [None, None];
-    let mut outputs = [None, None];
+    let mut previous: [Option<PreparedFrame>; RUNS.len()] = Default::default();
+    let mut outputs = [const { None }; RUNS.len()];
     println!("| frame | simplified by | faces | PSNR (dB) |");
     println!("| --- | --- | ---: | ---: |");
     for pair in files.chunks_exact(2) {
@@ -46,9 +57,8 @@ fn main() -> anyhow::Result<()> {
         let texture = image::open(&pair[1])?.into_rgb8();
         let original = textured(&mesh)?;
         let scene = Scene::new(&original, &texture);
-        let name = Path::new(&pair[0]).file_stem().unwrap_or_default();
-        let name = name.to_string_lossy().into_owned();
-        for (index, tracking) in [Tracking::Off, Tracking::Robust].into_iter().enumerate() {
+        let name = name_of(&pair[0]);
+        for (index, (tracking, weight)) in RUNS.into_iter().enumerate() {
             let raw = RawFrame {
                 has_image: true,
                 ..RawFrame::from_mesh(mesh.clone(), 0)
@@ -57,6 +67,7 @@ fn main() -> anyhow::Result<()> {
             let settings = Settings {
                 target: TargetSize::Faces(target),
                 tracking,
+                attribute_weight: AttributeWeight::new(weight)?,
                 metrics: MetricsMode::Off,
                 ..Settings::default()
             };
@@ -66,7 +77,10 @@ fn main() -> anyhow::Result<()> {
             });
             let processed = process(&frame, before, &settings, &mut ())?;
             let result = decoded(&processed.draco)?;
-            let by = format!("Steadymesh, `{tracking:?}`").to_lowercase();
+            let mut by = format!("Steadymesh, `{tracking:?}`").to_lowercase();
+            if 0.0 < weight {
+                by += &format!(", `attribute_weight` {weight}");
+            }
             scene.report(&name, &by, &result, Path::new(directory))?;
             previous[index] = Some(frame);
             outputs[index] = Some(processed.output);
@@ -91,7 +105,22 @@ fn main() -> anyhow::Result<()> {
             }
         }
     }
+    println!(
+        "\n| frame | `attribute_weight` | color error (of 255) | distance (% of the diagonal) |"
+    );
+    println!("| --- | ---: | ---: | ---: |");
+    for pair in files.chunks_exact(2) {
+        let mesh = read(&pair[0])?;
+        let texture = image::open(&pair[1])?.into_rgb8();
+        let original = textured(&mesh)?;
+        colors::report(&name_of(&pair[0]), (&mesh, &original), &texture, target)?;
+    }
     Ok(())
+}
+
+fn name_of(path: &str) -> String {
+    let name = Path::new(path).file_stem().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }
 
 struct Scene<'a> {

@@ -23,6 +23,9 @@ pub struct StreamConfig {
     /// How strongly `robust` tracking holds a frame to the one before, 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tracking_strength: Option<f64>,
+    /// How much attributes count in the simplification beside the shape, 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub attribute_weight: Option<f64>,
     /// How the simplified mesh is compressed.
     #[serde(default, skip_serializing_if = "DracoConfig::is_default")]
     pub draco: DracoConfig,

@@ -12,8 +12,8 @@ use steadymesh_proto::stream::MetricsMode;
 use steadymesh_proto::wording::counted;
 
 use crate::pipeline::{
-    Output, PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize, TrackingStrength,
-    process,
+    AttributeWeight, Output, PreparedFrame, Previous, ProcessedFrame, Settings, TargetSize,
+    TrackingStrength, process,
 };
 use crate::stopwatch::{Stopwatch, microseconds};
 use crate::textures::SourceImage;
@@ -24,7 +24,7 @@ use super::output_files::{
     create, is_same_folder, make_folder, output_names, refuse_to_overwrite, write_file,
 };
 use super::progress::progress_bar;
-use super::target::{target_faces, target_ratio, tracking_strength};
+use super::target::{attribute_weight, target_faces, target_ratio, tracking_strength};
 use super::tracking_mode::TrackingMode;
 
 #[derive(Debug, Args)]
@@ -47,6 +47,11 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "S", default_value = "0.5")]
     #[arg(allow_negative_numbers = true, value_parser = tracking_strength)]
     tracking_strength: TrackingStrength,
+    /// How much colors, normals and texture coordinates count beside the shape, 0 to 1: a change by
+    /// their whole range counts as this share of the frame's diagonal.
+    #[arg(long, value_name = "W", default_value = "0")]
+    #[arg(allow_negative_numbers = true, value_parser = attribute_weight)]
+    attribute_weight: AttributeWeight,
     /// Write every frame's metrics to this file, one line of JSON a frame; for that the previous
     /// frame is registered even with tracking off.
     #[arg(long, value_name = "FILE.jsonl")]
@@ -181,6 +186,7 @@ fn settings(arguments: &Arguments) -> Settings {
         target,
         tracking: arguments.tracking.into(),
         tracking_strength: arguments.tracking_strength,
+        attribute_weight: arguments.attribute_weight,
         metrics,
         ..Settings::default()
     }

@@ -1,6 +1,6 @@
 //! The size of simplified frames, and how strongly they are tracked, as they are typed.
 
-use crate::pipeline::{InvalidSettings, TargetSize, TrackingStrength};
+use crate::pipeline::{AttributeWeight, InvalidSettings, TargetSize, TrackingStrength};
 
 /// Files are the user's own: the limit is that of 32-bit indices.
 const MAX_FACES: usize = u32::MAX as usize;
@@ -33,6 +33,16 @@ pub(super) fn target_ratio(text: &str) -> Result<f64, String> {
 pub(super) fn tracking_strength(text: &str) -> Result<TrackingStrength, String> {
     let strength = text.parse().map_err(|_| "a number is expected")?;
     expected(TrackingStrength::new(strength))
+}
+
+/// How much attributes count beside the shape.
+///
+/// # Errors
+///
+/// What is expected instead.
+pub(super) fn attribute_weight(text: &str) -> Result<AttributeWeight, String> {
+    let weight = text.parse().map_err(|_| "a number is expected")?;
+    expected(AttributeWeight::new(weight))
 }
 
 /// What is checked, or what is expected instead: the parser has said already which option it is,

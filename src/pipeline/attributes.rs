@@ -2,10 +2,12 @@
 
 use steadymesh_geometry::mesh::Wedges;
 use steadymesh_geometry::simplification::{
-    Simplified, SurfaceOrigin, chart_origins, surface_origins,
+    AttributeField, CHANNELS, Simplified, SurfaceOrigin, chart_origins, surface_origins,
 };
 use steadymesh_geometry::spatial::TriangleTree;
 use steadymesh_geometry::{Face, TriangleMesh};
+
+use super::AttributeWeight;
 
 /// One value per point in each of those that are there.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -61,6 +63,41 @@ impl CornerAttributes {
             // Zero has two bit patterns.
             coordinates.map(|values| values[point].map(|c| (c + 0.0).to_bits()))
         })
+    }
+
+    /// The attributes as the simplification weighs them; none if they have no weight.
+    ///
+    /// Texture coordinates count where there is an image. Without one their charts are laid anew.
+    pub fn field(&self, weight: AttributeWeight) -> Option<AttributeField> {
+        let weight = weight.get();
+        let values = &self.values;
+        let coordinates = values.texture_coordinates.as_ref();
+        let coordinates = coordinates.filter(|_| self.left_out.is_none());
+        let mut channels = 0;
+        let mut corners = vec![[[0.0; CHANNELS]; 3]; self.corners.len()];
+        let mut take = |count: usize, value: &dyn Fn(usize, usize) -> f64| {
+            for (values, points) in corners.iter_mut().zip(&self.corners) {
+                for (values, &point) in values.iter_mut().zip(points) {
+                    for channel in 0..count {
+                        values[channels + channel] = weight * value(point as usize, channel);
+                    }
+                }
+            }
+            channels += count;
+        };
+        if let Some(colors) = &values.colors {
+            take(4, &|point, channel| {
+                f64::from(colors[point][channel]) / 255.0
+            });
+        }
+        if let Some(normals) = &values.normals {
+            // From -1 to 1 is a range of 2.
+            take(3, &|point, axis| f64::from(normals[point][axis]) / 2.0);
+        }
+        if let Some(coordinates) = coordinates {
+            take(2, &|point, axis| f64::from(coordinates[point][axis]));
+        }
+        (0.0 < weight && 0 < channels).then_some(AttributeField { corners, channels })
     }
 
     /// The attributes of every wedge of a simplified mesh, from the closest points of the original

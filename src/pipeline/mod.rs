@@ -25,7 +25,7 @@ pub use process::{
 };
 pub use register::{CarriedOutput, Registered, register};
 pub use scene_cut::SceneCut;
-pub use settings::{InvalidSettings, Settings, TargetSize, TrackingStrength};
+pub use settings::{AttributeWeight, InvalidSettings, Settings, TargetSize, TrackingStrength};
 
 /// The stages of a frame's way through the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

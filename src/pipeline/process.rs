@@ -133,7 +133,7 @@ pub fn process_registered(
         _ => Hold::Nothing,
     };
     let mut simplified;
-    (simplified, metrics.tracking) = hold.simplify(current.mesh(), settings);
+    (simplified, metrics.tracking) = hold.simplify(current, settings);
     let attributes = current.attributes().zip(current.surface());
     let attributes = attributes.map(|(a, surface)| a.of_simplified(surface, &mut simplified));
     observer.ended(Stage::Simplify);
@@ -186,10 +186,14 @@ enum Hold<'a> {
 }
 
 impl Hold<'_> {
-    fn simplify(&self, mesh: &TriangleMesh, settings: &Settings) -> (Simplified, Tracking) {
+    fn simplify(&self, current: &PreparedFrame, settings: &Settings) -> (Simplified, Tracking) {
+        let mesh = current.mesh();
         let target = settings.target.faces_of(mesh.face_count());
         let mut options = simplification::Options::to_faces(target);
         options.refines = settings.refines;
+        options.attributes = current
+            .attributes()
+            .and_then(|attributes| attributes.field(settings.attribute_weight));
         match self {
             Self::Nothing => (simplify(mesh, None, &options), Tracking::Off),
             Self::Reference(reference) => {

@@ -36,6 +36,12 @@ pub enum InvalidSettings {
         found: f64,
     },
     /// Not a share.
+    #[error("attribute_weight is {found}: it must be from 0 to 1")]
+    AttributeWeight {
+        /// What was asked for.
+        found: f64,
+    },
+    /// Not a share.
     #[error("tracking_strength is {found}: it must be from 0 to 1")]
     TrackingStrength {
         /// What was asked for.
@@ -73,6 +79,35 @@ impl Default for TrackingStrength {
     /// Halfway.
     fn default() -> Self {
         Self(0.5)
+    }
+}
+
+/// How much attributes count in the simplification beside the shape, 0 (not at all) to 1.
+///
+/// A change of a color, a normal or a texture coordinate by its whole range counts as much as a
+/// distance of this share of the diagonal of the frame's bounding box.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct AttributeWeight(f64);
+
+impl AttributeWeight {
+    /// Checks a weight.
+    ///
+    /// # Errors
+    ///
+    /// [`InvalidSettings`] names the value and its range.
+    pub fn new(found: f64) -> Result<Self, InvalidSettings> {
+        // A NaN is in no range.
+        if (0.0..=1.0).contains(&found) {
+            Ok(Self(found))
+        } else {
+            Err(InvalidSettings::AttributeWeight { found })
+        }
+    }
+
+    /// From 0 to 1.
+    #[must_use]
+    pub fn get(self) -> f64 {
+        self.0
     }
 }
 
@@ -119,6 +154,8 @@ pub struct Settings {
     pub tracking: Tracking,
     /// How much, if tracking is robust.
     pub tracking_strength: TrackingStrength,
+    /// How much attributes count beside the shape.
+    pub attribute_weight: AttributeWeight,
     /// Draco's quantization and speed.
     pub draco: EncodeOptions,
     /// How the previous frame is registered.
@@ -137,6 +174,7 @@ impl Default for Settings {
             target: TargetSize::Faces(4000),
             tracking: Tracking::Robust,
             tracking_strength: TrackingStrength::default(),
+            attribute_weight: AttributeWeight::default(),
             draco: EncodeOptions::default(),
             registration: registration::Options::default(),
             refines: true,

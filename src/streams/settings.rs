@@ -6,7 +6,7 @@ use steadymesh_mesh_io::MAX_IMAGE_SIZE;
 use steadymesh_proto::recording::Record;
 use steadymesh_proto::stream::{DracoConfig, Overload, StreamConfig, TextureConfig};
 
-use crate::pipeline::{InvalidSettings, Settings, TargetSize, TrackingStrength};
+use crate::pipeline::{AttributeWeight, InvalidSettings, Settings, TargetSize, TrackingStrength};
 use crate::textures::TextureSettings;
 
 use super::StreamPattern;
@@ -100,6 +100,10 @@ impl Configured {
             Some(strength) => TrackingStrength::new(strength)?,
             None => own.tracking_strength,
         };
+        let attribute_weight = match first(layers, |layer| layer.attribute_weight) {
+            Some(weight) => AttributeWeight::new(weight)?,
+            None => own.attribute_weight,
+        };
         let metrics = first(layers, |layer| layer.metrics).unwrap_or_default();
         let overload = first(layers, |layer| layer.overload).unwrap_or_default();
         let record = first(layers, |layer| layer.record).unwrap_or_default();
@@ -114,6 +118,7 @@ impl Configured {
                 target_ratio,
                 tracking: Some(tracking),
                 tracking_strength: Some(tracking_strength.get()),
+                attribute_weight: Some(attribute_weight.get()),
                 draco: DracoConfig {
                     position_bits: Some(draco.position_bits),
                     speed: Some(draco.speed),
@@ -133,6 +138,7 @@ impl Configured {
                 target,
                 tracking,
                 tracking_strength,
+                attribute_weight,
                 draco,
                 metrics,
                 ..own
@@ -266,6 +272,10 @@ mod tests {
             (
                 r#"{"tracking_strength": 1.5}"#,
                 "tracking_strength is 1.5: it must be from 0 to 1",
+            ),
+            (
+                r#"{"attribute_weight": 2}"#,
+                "attribute_weight is 2: it must be from 0 to 1",
             ),
             (
                 r#"{"tracking_strength": -0.1}"#,

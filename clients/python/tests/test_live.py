@@ -194,6 +194,7 @@ def test_streams_are_configured_and_listed(server: str, url: str) -> None:
         target_ratio=0.5,
         tracking="off",
         tracking_strength=0.25,
+        attribute_weight=0.01,
         position_bits=10,
         draco_speed=0,
         metrics="off",
@@ -203,6 +204,7 @@ def test_streams_are_configured_and_listed(server: str, url: str) -> None:
         "target_ratio": 0.5,
         "tracking": "off",
         "tracking_strength": 0.25,
+        "attribute_weight": 0.01,
         "draco": {
             "position_bits": 10,
             "speed": 0,

@@ -83,6 +83,7 @@ def configure(
     target_ratio: float | None = None,
     tracking: str | None = None,
     tracking_strength: float | None = None,
+    attribute_weight: float | None = None,
     position_bits: int | None = None,
     draco_speed: int | None = None,
     metrics: str | None = None,
@@ -96,6 +97,8 @@ def configure(
       frame's own (above 0, at most 1).
     - ``tracking``: ``off`` (the original QEM), ``paper`` (Tracked QEM) or ``robust`` (the default).
     - ``tracking_strength``: how strongly ``robust`` holds a frame to the one before, 0 to 1.
+    - ``attribute_weight``: how much colors, normals and texture coordinates count beside the shape,
+      as a share of the frame's diagonal for a change by their whole range; 0 to 1.
     - ``position_bits``: 6 to 20 per coordinate; ``draco_speed``: 0 (smallest) to 10 (fastest).
     - ``metrics``: ``full``, ``sampled`` or ``off``. Without tracking, the previous frame is
       registered for ``full`` metrics only.
@@ -108,6 +111,7 @@ def configure(
         "target_ratio": target_ratio,
         "tracking": tracking,
         "tracking_strength": tracking_strength,
+        "attribute_weight": attribute_weight,
         "metrics": metrics,
         "overload": overload,
     }

@@ -6,6 +6,7 @@ use crate::{Face, Point, TriangleMesh};
 
 use super::Quadric;
 use super::anchors::{Anchors, Pulls};
+use super::attribute_costs::{AttributeCosts, AttributeField, Pairs};
 use super::connectivity::Connectivity;
 use super::edge_costs::{ByPulls, EdgeCosts, SeenQuadric};
 use super::greedy::Greedy;
@@ -33,6 +34,8 @@ pub struct Options {
     /// Whether [`simplify_anchored`] flips edges of the previous result back and fits the vertices:
     /// a third of its time, and most of what it gains in closeness.
     pub refines: bool,
+    /// Attributes that take part in what a collapse costs; none by default. Takes twice the time or more.
+    pub attributes: Option<AttributeField>,
 }
 
 impl Options {
@@ -44,6 +47,7 @@ impl Options {
             boundary_weight: 10.0,
             seam_weight: SEAM_WEIGHT,
             refines: true,
+            attributes: None,
         }
     }
 }
@@ -165,6 +169,10 @@ fn simplify_guided(
     let seams = mesh.wedges().map(|wedges| Seams::new(mesh, wedges));
     let mut collapses = Collapses {
         quadrics: initial_quadrics(mesh, &positions, (&connectivity, seams.as_ref()), options),
+        attributes: options
+            .attributes
+            .as_ref()
+            .map(|field| AttributeCosts::new(mesh, &positions, field)),
         seams,
         connectivity,
         versions: vec![0; mesh.vertex_count()],
@@ -236,6 +244,7 @@ pub(super) struct Collapses<'a> {
     pub versions: Vec<u32>,
     pub reference: Option<Reference>,
     seams: Option<Seams<'a>>,
+    attributes: Option<AttributeCosts>,
     quadrics: Vec<Quadric>,
     /// The same as edges are ranked by; empty if they are not.
     seen: Vec<SeenQuadric>,
@@ -292,10 +301,7 @@ impl Collapses<'_> {
     /// Collapses an edge if the rules allow it and it leaves no fewer than `target` faces. Says
     /// which vertex is left then, and which is gone.
     pub fn try_collapse(&mut self, edge: Edge, target: usize, rules: Rules) -> Option<(u32, u32)> {
-        let (a, b) = match &mut self.seams {
-            Some(seams) => seams.left_and_gone(&self.connectivity, edge)?,
-            None => (edge.0, edge.1),
-        };
+        let (a, b) = self.left_and_gone(edge)?;
         let vanishing = self.connectivity.faces_of_collapse(a, b)?;
         if self.connectivity.face_count() < target + vanishing {
             return None;
@@ -324,8 +330,14 @@ impl Collapses<'_> {
 
     /// Merges `b` into `a`.
     fn collapse(&mut self, a: u32, b: u32, position: Point) {
-        if let Some(seams) = &mut self.seams {
-            seams.merge(&self.connectivity, (a, b));
+        if self.attributes.is_some() || self.seams.is_some() {
+            let pairs = self.merged_wedges((a, b));
+            if let Some(attributes) = &mut self.attributes {
+                attributes.merge(&pairs);
+            }
+            if let Some(seams) = &mut self.seams {
+                seams.merge(&pairs);
+            }
         }
         self.connectivity.collapse();
         self.positions[a as usize] = position;
@@ -343,6 +355,30 @@ impl Collapses<'_> {
         self.count += 1;
     }
 
+    /// Which end of an edge would be left and which be gone; none if it must not collapse.
+    fn left_and_gone(&self, edge: Edge) -> Option<(u32, u32)> {
+        match &self.seams {
+            Some(seams) => seams.left_and_gone(&self.connectivity, edge),
+            None => Some((edge.0, edge.1)),
+        }
+    }
+
+    /// Which wedges become one if a vertex is merged into another; the vertices where there are none.
+    fn merged_wedges(&self, (left, gone): (u32, u32)) -> Pairs {
+        match &self.seams {
+            Some(seams) => seams.pairs(&self.connectivity, (left, gone)),
+            None => [Some([left, gone]), None],
+        }
+    }
+
+    /// What collapsing an edge costs in attributes, by where the merged vertex goes.
+    fn attribute_cost(&self, edge: Edge) -> Option<Quadric> {
+        let attributes = self.attributes.as_ref()?;
+        // One that must not collapse is asked for what it costs all the same.
+        let (left, gone) = self.left_and_gone(edge)?;
+        Some(attributes.of_merged(left, &self.merged_wedges((left, gone))))
+    }
+
     /// Sees every vertex's quadric from where it is, so that edges can be rated.
     fn see_all(&mut self) {
         let vertices = self.quadrics.iter().zip(&self.positions);
@@ -353,6 +389,13 @@ impl Collapses<'_> {
 
     /// Rates edges by what collapsing them costs, about.
     pub fn rate(&mut self, edges: &mut [Rated]) {
+        if self.attributes.is_some() {
+            // What attributes cost does not add up from vertex to vertex.
+            for rated in edges {
+                rated.cost = self.cost(rated.edge) as f32;
+            }
+            return;
+        }
         let costs = EdgeCosts {
             quadrics: &self.seen,
             pulls: self.pulls.as_ref().map(Pulls::seen),
@@ -374,6 +417,9 @@ impl Collapses<'_> {
         let (a, b) = (edge.0 as usize, edge.1 as usize);
         let (v1, v2) = (&self.positions[a], &self.positions[b]);
         let mut quadric = self.quadrics[a] + self.quadrics[b];
+        if let Some(lost) = self.attribute_cost(edge) {
+            quadric += lost;
+        }
         let mut barycenter = None;
         if let Some(reference) = &mut self.reference {
             let around = reference.around_edge(edge, v1, v2);

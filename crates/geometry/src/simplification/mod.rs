@@ -7,6 +7,7 @@
 //! - `connectivity`: the mesh as it shrinks; which collapses keep it a manifold.
 //! - `surroundings`: the faces around an edge that may be collapsed.
 //! - `edge_costs`: what collapsing many edges costs, about.
+//! - `attribute_costs`: what is lost of colors, normals and texture coordinates, if that is asked.
 //! - `greedy`, `queue`: the cheapest edge first, for the paper's mode.
 //! - `passes`, `ranking`: nearly that order at half the time, for all others.
 //! - [`anchors`]: what the previous result holds the new one by.
@@ -19,6 +20,7 @@
 //! All modes share all but the order: without reference and anchors it is the original QEM.
 
 pub mod anchors;
+mod attribute_costs;
 mod chart_origins;
 mod connectivity;
 mod edge_collapse;
@@ -38,6 +40,7 @@ mod surroundings;
 mod tracked;
 
 pub use anchors::Anchors;
+pub use attribute_costs::{AttributeField, CHANNELS};
 pub use chart_origins::chart_origins;
 pub use edge_collapse::{NO_WEDGE, Options, Simplified, simplify, simplify_anchored};
 pub use quadric::Quadric;

@@ -4,6 +4,7 @@ use crate::mesh::{Edge, Wedges};
 use crate::{Face, TriangleMesh};
 
 use super::NO_WEDGE;
+use super::attribute_costs::Pairs;
 use super::connectivity::Connectivity;
 
 /// What a vertex is to the seams.
@@ -81,7 +82,7 @@ impl<'a> Seams<'a> {
 
     /// Which vertex would be left and which be gone if an edge collapsed; none if it must not.
     pub fn left_and_gone(
-        &mut self,
+        &self,
         connectivity: &Connectivity,
         Edge(a, b): Edge,
     ) -> Option<(u32, u32)> {
@@ -99,11 +100,18 @@ impl<'a> Seams<'a> {
         (first[1] != second[1]).then_some((left, gone))
     }
 
-    /// Merges the wedges of the vertex that goes into those of the one that is left.
-    pub fn merge(&mut self, connectivity: &Connectivity, (left, gone): (u32, u32)) {
-        for side in connectivity.faces_on(left, gone) {
-            let [kept, merged] = self.side(side);
-            self.merged_into[merged as usize] = kept;
+    /// The wedges that become one if a vertex goes into another: one pair, or one for each side.
+    pub fn pairs(&self, connectivity: &Connectivity, (left, gone): (u32, u32)) -> Pairs {
+        let mut sides = connectivity.faces_on(left, gone);
+        let first = sides.next().map(|side| self.side(side));
+        let second = sides.next().map(|side| self.side(side));
+        [first, second.filter(|_| second != first)]
+    }
+
+    /// Merges the wedges of a vertex that goes into those of the one that is left.
+    pub fn merge(&mut self, pairs: &Pairs) {
+        for [kept, merged] in pairs.iter().flatten() {
+            self.merged_into[*merged as usize] = *kept;
         }
     }
 
