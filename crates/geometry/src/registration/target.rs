@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::spatial::{SurfacePoint, TriangleTree, near_vertices, straight_walk};
+use crate::spatial::{SurfacePoint, TriangleTree, near_vertices};
 use crate::{Point, TriangleMesh, Vector};
 
 use super::RegistrationError;
@@ -60,10 +60,7 @@ impl Target {
     /// If there is no such face.
     pub(super) fn closest_near(&self, query: &Point, guess: u32, limit: f64) -> SurfacePoint {
         let near = limit.min(NEAR * self.mean_edge());
-        match straight_walk(&self.mesh, query, guess) {
-            Ok(below) if below.distance <= near => below,
-            Ok(SurfacePoint { face, .. }) | Err(face) => self.tree.closest_from(query, face),
-        }
+        self.tree.below_or_closest(query, guess, near)
     }
 
     /// The same for every vertex of `mesh`, from where a neighbor's was found.

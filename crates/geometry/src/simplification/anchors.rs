@@ -106,6 +106,10 @@ struct Anchor {
     normal: Vector,
 }
 
+/// How close, in mean edges, a foot is to the face that it is straight above for that to count without
+/// a look at the rest.
+const NEAR: f64 = 0.3;
+
 /// Anchors that fit less are left out.
 const MIN_FIT: f64 = 0.01;
 
@@ -142,7 +146,7 @@ fn attach(
     options: &Options,
 ) -> Option<Anchor> {
     let (mesh, mean_edge) = (surface.mesh(), surface.mesh().mean_edge());
-    let closest = surface.closest_from(&carried.foot, carried.near);
+    let closest = surface.below_or_closest(&carried.foot, carried.near, NEAR * mean_edge);
     let corners = mesh.triangle(closest.face as usize);
     let normal = face_normal(corners).unwrap_or_default();
     let angle = carried.normal.dot(&normal).clamp(-1.0, 1.0).acos();

@@ -6,7 +6,7 @@ use crate::{Point, TriangleMesh};
 
 use super::box_tree::{Bounds, BoxTree, nearest_of};
 use super::closest_point_on_triangle;
-use super::straight_walk::straight_below;
+use super::straight_walk::{straight_below, straight_walk};
 use super::triangle_pack::{PACK, TrianglePack};
 
 /// The point of a surface that is closest to a query.
@@ -144,6 +144,22 @@ impl TriangleTree {
             distance: (query - position).norm(),
         };
         self.closer_than(guessed, guess, query)
+    }
+
+    /// About the same: the point that `query` is straight above, found by walking from face to face
+    /// from `guess` on, if that is closer than `near`; the closest of all where the way ends otherwise.
+    ///
+    /// A tenth of the search's time where the guess is near.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such face.
+    #[must_use]
+    pub fn below_or_closest(&self, query: &Point, guess: u32, near: f64) -> SurfacePoint {
+        match straight_walk(&self.mesh, query, guess) {
+            Ok(below) if below.distance <= near => below,
+            Ok(SurfacePoint { face, .. }) | Err(face) => self.closest_from(query, face),
+        }
     }
 
     /// The foot of the perpendicular from `query` to the plane of a face, if it is on the face.

@@ -3,9 +3,7 @@
 use nalgebra::Matrix3;
 
 use crate::mesh::{Rows, face_normal};
-use crate::spatial::{
-    SurfacePoint, TriangleTree, barycentric, closest_point_on_triangle, straight_walk,
-};
+use crate::spatial::{TriangleTree, barycentric, closest_point_on_triangle};
 use crate::{Point, TriangleMesh, Vector};
 
 use super::samples::Samples;
@@ -108,11 +106,8 @@ impl<'a> System<'a> {
             let normal = self.normals[vertex];
             let along = Matrix3::identity() - normal * normal.transpose();
             let kept = kept.get(vertex).copied().flatten();
-            let foot = match kept.map(|kept| straight_walk(surface.mesh(), start, kept.face)) {
-                Some(Ok(below)) if below.distance <= near => below,
-                Some(Ok(SurfacePoint { face, .. }) | Err(face)) => {
-                    surface.closest_from(start, face)
-                }
+            let foot = match kept {
+                Some(kept) => surface.below_or_closest(start, kept.face, near),
                 None => surface.closest(start),
             };
             let corners = surface.mesh().triangle(foot.face as usize);

@@ -25,10 +25,13 @@ pub(super) fn previous_edges(kept: &[Option<Kept>], previous_faces: &[Face]) -> 
         Some(Edge::new(a, b))
     };
     let edges = previous_faces.iter().flat_map(|face| Edge::of_face(*face));
-    let mut edges: Vec<Edge> = edges.filter_map(now).collect();
-    edges.sort_unstable();
-    edges.dedup();
-    edges
+    // In one word each: those are compared in half the time.
+    let word = |Edge(a, b)| u64::from(a) << 32 | u64::from(b);
+    let mut words: Vec<u64> = edges.filter_map(now).map(word).collect();
+    words.sort_unstable();
+    words.dedup();
+    let edge = |word: u64| Edge((word >> 32) as u32, word as u32);
+    words.into_iter().map(edge).collect()
 }
 
 /// A flip may make way for the next one.
@@ -42,8 +45,13 @@ pub(super) fn restore_edges(
     wanted: &[Edge],
     tolerance: f64,
 ) {
+    // No flip takes away what is wanted: what is there stays.
+    let missing = wanted
+        .iter()
+        .filter(|edge| !faces.are_connected(edge.0, edge.1));
+    let missing: Vec<Edge> = missing.copied().collect();
     for _ in 0..PASSES {
-        for &Edge(u, v) in wanted {
+        for &Edge(u, v) in &missing {
             if faces.are_connected(u, v) {
                 continue;
             }
