@@ -19,6 +19,9 @@ pub struct Target {
 /// How close, in mean edges, a point straight below counts without a look at the rest.
 const NEAR: f64 = 0.15;
 
+/// The same for a vertex that is much further away than its neighbor.
+const SURE: f64 = 0.015;
+
 impl Target {
     /// Prepares `mesh`.
     ///
@@ -65,7 +68,8 @@ impl Target {
 
     /// The same for every vertex of `mesh`, from where a neighbor's was found.
     pub(super) fn near_vertices_of(&self, mesh: &TriangleMesh) -> Vec<SurfacePoint> {
-        near_vertices(mesh, &self.tree, NEAR * self.mean_edge())
+        let distances = (SURE * self.mean_edge(), NEAR * self.mean_edge());
+        near_vertices(mesh, &self.tree, distances)
     }
 
     /// The unit normal of a face; zero if it has none.

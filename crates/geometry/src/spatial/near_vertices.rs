@@ -4,31 +4,28 @@ use crate::{Point, TriangleMesh};
 
 use super::{SurfacePoint, TriangleTree, straight_walk};
 
-/// What is so much further from the surface than its neighbor may have been led to another sheet,
+/// What is so much further from the surface than its neighbor may have been led to another sheet.
 const LARGEST_GROWTH: f64 = 3.0;
-
-/// unless it is closer than this share of the reach: neighbors may be on the surface by chance.
-const SURE_SHARE: f64 = 0.3;
 
 /// For every vertex of `mesh` the point of `surface` below it, on the sheet on which its neighbors
 /// are: found by walking from where a neighbor's was. Where the way ends on no face, further away
-/// than `reach`, or much further away than the neighbor, it is the closest point of all.
+/// than `reach`, or much further away than the neighbor and than `sure`, it is the closest point of
+/// all: neighbors may be on the surface by chance.
 pub(crate) fn near_vertices(
     mesh: &TriangleMesh,
     surface: &TriangleTree,
-    reach: f64,
+    (sure, reach): (f64, f64),
 ) -> Vec<SurfacePoint> {
     from_neighbors(mesh, surface, |position, near| {
         match straight_walk(surface.mesh(), position, near.face) {
-            Ok(below) if is_sure(below.distance, near.distance, reach) => below,
+            Ok(below)
+                if below.distance <= (LARGEST_GROWTH * near.distance).max(sure).min(reach) =>
+            {
+                below
+            }
             Ok(SurfacePoint { face, .. }) | Err(face) => surface.closest_from(position, face),
         }
     })
-}
-
-fn is_sure(distance: f64, of_neighbor: f64, reach: f64) -> bool {
-    let expected = (LARGEST_GROWTH * of_neighbor).max(SURE_SHARE * reach);
-    distance <= expected.min(reach)
 }
 
 /// The point of `surface` closest to every vertex of `mesh`, each looked for from where a neighbor's
@@ -96,7 +93,7 @@ mod tests {
         let surface = TriangleTree::new(&waves(0.0)).unwrap();
         let mesh = waves(0.05);
         let (below, closest) = (
-            near_vertices(&mesh, &surface, 0.15),
+            near_vertices(&mesh, &surface, (0.015, 0.15)),
             closest_to_vertices(&mesh, &surface),
         );
         let mut sums = (0.0, 0.0);
@@ -112,7 +109,7 @@ mod tests {
         let surface = TriangleTree::new(&waves(0.0)).unwrap();
         // Nearer to the upper wave than to the one that its neighbors' walk is on.
         let mesh = waves(0.8);
-        let found = near_vertices(&mesh, &surface, 0.15);
+        let found = near_vertices(&mesh, &surface, (0.015, 0.15));
         let closest = closest_to_vertices(&mesh, &surface);
         for (found, closest) in found.iter().zip(&closest) {
             assert!((found.distance - closest.distance).abs() < 1e-12);

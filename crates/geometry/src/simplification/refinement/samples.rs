@@ -21,6 +21,9 @@ const MIN_COSINE: f64 = 0.2;
 /// without a look at the rest.
 const NEAR: f64 = 0.15;
 
+/// The same for a vertex that is much further away than its neighbor: most of those are both close.
+const SURE: f64 = 0.045;
+
 impl<'a> Samples<'a> {
     /// Finds the face of each vertex of `mesh`; `None` if `simplified` has none.
     pub fn new(mesh: &'a TriangleMesh, simplified: &TriangleMesh) -> Option<Self> {
@@ -28,7 +31,8 @@ impl<'a> Samples<'a> {
         let (normals, face_normals) = (mesh.vertex_normals(), simplified.face_normals());
         let mut of_faces = vec![Vec::new(); simplified.face_count()];
         let (mut count, mut sum) = (0, 0.0);
-        let found = near_vertices(mesh, &tree, NEAR * simplified.mean_edge());
+        let mean_edge = simplified.mean_edge();
+        let found = near_vertices(mesh, &tree, (SURE * mean_edge, NEAR * mean_edge));
         for (index, (closest, normal)) in found.iter().zip(normals).enumerate() {
             if face_normals[closest.face as usize].dot(normal) < MIN_COSINE {
                 continue;
