@@ -235,6 +235,7 @@ fn a_capture_survives_being_written_and_read_again() {
         faces: mesh.faces.clone(),
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: None,
         image: None,
     };

@@ -52,6 +52,7 @@ fn write_synthetic_frames(folder: &Path, count: u64) {
             faces: frame.faces,
             normals: None,
             colors: None,
+            materials: None,
             texture_coordinates: None,
             image: None,
         };

@@ -49,6 +49,7 @@ fn write_synthetic_frames(folder: &Path) {
             faces: frame.faces,
             normals: None,
             colors: None,
+            materials: None,
             texture_coordinates: None,
             image: None,
         };

@@ -383,3 +383,103 @@ fn colors_with_a_weight_stay_where_they_are() {
         assert!(with < 0.6 * without, "{tracking:?}: {without} {with}");
     }
 }
+
+/// A sheet whose left half has another material than the right one; the border zigzags.
+fn two_materials(size: u32) -> Mesh {
+    let positions = (0..size * size).map(|at| {
+        let (x, y) = (f64::from(at % size), f64::from(at / size));
+        [x, y, 0.4 * (0.31 * x).sin() * (0.27 * y).cos()]
+    });
+    let cells = (0..(size - 1) * (size - 1)).map(|cell| (cell % (size - 1), cell / (size - 1)));
+    let faces = cells.clone().flat_map(|(x, y)| {
+        let a = y * size + x;
+        [[a, a + 1, a + size + 1], [a, a + size + 1, a + size]]
+    });
+    let of_cell = |(x, y): (u32, u32)| u32::from(size / 2 + y / 4 % 3 <= x);
+    let materials = cells.flat_map(|cell| [[of_cell(cell); 3]; 2]);
+    Mesh {
+        positions: positions.collect(),
+        faces: faces.collect(),
+        materials: Some(steadymesh_mesh_io::Attribute {
+            values: vec![3, 9],
+            faces: Some(materials.collect()),
+        }),
+        ..Mesh::default()
+    }
+}
+
+/// The places where faces of different materials meet.
+fn border(mesh: &Mesh) -> Vec<Point> {
+    let mut places: Vec<([u64; 3], u16)> = Vec::new();
+    for (index, face) in mesh.faces.iter().enumerate() {
+        let material = mesh.material_of(index).unwrap();
+        let at = |corner: &u32| mesh.positions[*corner as usize].map(f64::to_bits);
+        places.extend(face.iter().map(|corner| (at(corner), material)));
+    }
+    places.sort_unstable();
+    places.dedup();
+    let pairs = places.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    pairs
+        .map(|pair| Point::from(pair[0].0.map(f64::from_bits)))
+        .collect()
+}
+
+#[test]
+fn faces_keep_their_material_and_its_border_stays() {
+    const SIZE: u32 = 48;
+    let original = two_materials(SIZE);
+    for (tracking, faces) in [(Tracking::Off, 300), (Tracking::Robust, 300)] {
+        let frames = [original.clone(), original.clone()];
+        let (_, out) = simplify(&frames, faces, (tracking, false));
+        assert!(out.metrics.output.target_reached);
+        let mesh = drc::read(&out.draco, &LIMITS).unwrap();
+        let area = |mesh: &Mesh, number: u16| -> f64 {
+            let own = (0..mesh.faces.len()).filter(|&face| mesh.material_of(face) == Some(number));
+            own.map(|face| {
+                let [a, b, c] = mesh.faces[face].map(|corner| mesh.positions[corner as usize]);
+                ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs() / 2.0
+            })
+            .sum()
+        };
+        for number in [3, 9] {
+            let (before, after) = (area(&original, number), area(&mesh, number));
+            assert!(
+                (after / before - 1.0).abs() < 0.02,
+                "{tracking:?} {before} {after}"
+            );
+        }
+        for face in &mesh.faces {
+            let materials = mesh.materials.as_ref().unwrap();
+            let [a, b, c] = face.map(|corner| materials.values[corner as usize]);
+            assert!(a == b && b == c, "a face of two materials");
+        }
+        let strays = border(&mesh).into_iter().map(|at| {
+            let places = border(&original);
+            let distances = places.iter().map(|place| (place - at).norm());
+            distances.fold(f64::INFINITY, f64::min)
+        });
+        let stray = strays.fold(0.0, f64::max);
+        println!("{tracking:?}: the border strays by {stray}");
+        assert!(stray < 0.6, "{tracking:?}: {stray}");
+        // The points at the border are apart, the surface is not.
+        // The points at the border are apart, the surface is not.
+        let welded: Vec<Point> = mesh.positions.iter().map(|&p| Point::from(p)).collect();
+        let (mut places, mut numbers) = (Vec::<Point>::new(), Vec::new());
+        for point in welded {
+            let known = places.iter().position(|place| *place == point);
+            numbers.push(known.unwrap_or(places.len()) as u32);
+            if known.is_none() {
+                places.push(point);
+            }
+        }
+        let faces = mesh
+            .faces
+            .iter()
+            .map(|face| face.map(|c| numbers[c as usize]));
+        let welded = TriangleMesh::new(places, faces.collect()).unwrap();
+        for end in boundary(&welded) {
+            let is_rim = |c: f64| !(0.2..=f64::from(SIZE) - 1.2).contains(&c);
+            assert!(is_rim(end.x) || is_rim(end.y), "{end} is open");
+        }
+    }
+}

@@ -49,6 +49,7 @@ impl Sequence {
                 faces: frame.faces,
                 normals: None,
                 colors: None,
+                materials: None,
                 texture_coordinates: None,
                 image: None,
             }
@@ -356,6 +357,7 @@ fn draco(positions: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<u8> {
         faces,
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: None,
     };
     steadymesh_draco::encode(&view, &EncodeOptions::default()).expect("the mesh is valid")

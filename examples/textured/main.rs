@@ -263,6 +263,7 @@ fn meshoptimizer(
         faces: &faces,
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: Some(&coordinates),
     };
     decoded(&steadymesh_draco::encode(&view, &EncodeOptions::default())?)

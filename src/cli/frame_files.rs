@@ -106,6 +106,7 @@ pub(super) fn to_file_mesh(mesh: &TriangleMesh) -> Mesh {
         normals: None,
         colors: None,
         texture_coordinates: None,
+        materials: None,
         image: None,
     }
 }

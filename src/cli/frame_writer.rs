@@ -1,5 +1,6 @@
 //! Simplified frames as files of every format, with their images.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use anyhow::Context;
@@ -53,13 +54,18 @@ pub(super) fn write_frame(
         OutputFormat::Glb => return write_file(&path, &glb::write(&mesh()?, image)),
         OutputFormat::Ply => write_file(&path, &with_comment(&mesh()?, image_name.as_deref()))?,
         OutputFormat::Obj => {
-            let mut text = Vec::new();
+            let (mesh, mut text) = (mesh()?, Vec::new());
             if let Some(image_name) = &image_name {
-                text.extend(format!("mtllib {stem}.mtl\nusemtl frame\n").as_bytes());
-                let material = format!("newmtl frame\nKd 1 1 1\nillum 0\nmap_Kd {image_name}\n");
-                write_file(&folder.join(format!("{stem}.mtl")), material.as_bytes())?;
+                let materials = materials_of(&mesh);
+                text.extend(format!("mtllib {stem}.mtl\nusemtl {}\n", materials[0]).as_bytes());
+                let look = format!("Kd 1 1 1\nillum 0\nmap_Kd {image_name}\n");
+                let library = materials
+                    .iter()
+                    .map(|name| format!("newmtl {name}\n{look}"));
+                let library: String = library.collect();
+                write_file(&folder.join(format!("{stem}.mtl")), library.as_bytes())?;
             }
-            text.extend(obj::write(&mesh()?));
+            text.extend(obj::write(&mesh));
             write_file(&path, &text)?;
         }
     }
@@ -67,6 +73,17 @@ pub(super) fn write_frame(
         (Some(name), Some((_, bytes))) => write_file(&folder.join(name), bytes),
         _ => Ok(()),
     }
+}
+
+/// The names of the materials that a mesh's faces have in an OBJ file, at least one.
+fn materials_of(mesh: &Mesh) -> Vec<String> {
+    let numbers = (0..mesh.faces.len()).filter_map(|face| mesh.material_of(face));
+    let numbers: BTreeSet<u16> = numbers.collect();
+    if numbers.is_empty() {
+        return vec!["frame".to_owned()];
+    }
+    let name = |number| format!("material{number}");
+    numbers.into_iter().map(name).collect()
 }
 
 /// A PLY file that names its image, as MeshLab's do.

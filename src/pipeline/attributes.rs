@@ -18,13 +18,18 @@ pub struct Attributes {
     pub colors: Option<Vec<[u8; 4]>>,
     /// Texture coordinates, usually 0 to 1.
     pub texture_coordinates: Option<Vec<[f32; 2]>>,
+    /// Numbers of materials: all points of a face have the same.
+    pub materials: Option<Vec<u16>>,
 }
 
 impl Attributes {
     /// Whether there are none at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.normals.is_none() && self.colors.is_none() && self.texture_coordinates.is_none()
+        self.normals.is_none()
+            && self.colors.is_none()
+            && self.texture_coordinates.is_none()
+            && self.materials.is_none()
     }
 }
 
@@ -53,15 +58,17 @@ impl CornerAttributes {
         self.left_out = Some(self.wedges(mesh));
     }
 
-    /// Where the corners of `mesh`, the repaired one, look alike. Only texture coordinates make a
-    /// seam: a color or a normal that jumps from face to face (a hard edge, a painted face) would
+    /// Where the corners of `mesh`, the repaired one, look alike. Only texture coordinates and materials
+    /// make a seam: a color or a normal that jumps from face to face (a hard edge, a painted face) would
     /// leave nothing to collapse, and between two of either there is a third.
     pub fn wedges(&self, mesh: &TriangleMesh) -> Wedges {
         Wedges::by_key(mesh, |face, corner| {
             let point = self.corners[face][corner] as usize;
             let coordinates = self.values.texture_coordinates.as_ref();
+            let materials = self.values.materials.as_ref();
             // Zero has two bit patterns.
-            coordinates.map(|values| values[point].map(|c| (c + 0.0).to_bits()))
+            let coordinates = coordinates.map(|values| values[point].map(|c| (c + 0.0).to_bits()));
+            (coordinates, materials.map(|values| values[point]))
         })
     }
 
@@ -121,6 +128,13 @@ impl CornerAttributes {
                 &origins,
                 |coordinates: [f64; 2]| coordinates.map(|c| c as f32),
             ),
+            materials: self.values.materials.as_ref().map(|values| {
+                let of_origin = |origin: &SurfaceOrigin| {
+                    let [point, ..] = self.corners[origin.face as usize];
+                    values[point as usize]
+                };
+                origins.iter().map(of_origin).collect()
+            }),
         }
     }
 

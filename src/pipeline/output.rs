@@ -41,11 +41,14 @@ impl Output {
             .map(|p| Point::from(p.map(f64::from)))
             .collect();
         let mesh = TriangleMesh::new(positions, decoded.faces)?;
-        // A texture's seams repeat vertices; what holds the next frame is the surface.
-        Ok(match decoded.texture_coordinates {
-            Some(_) => welded(&mesh)?.into(),
-            None => mesh.into(),
-        })
+        // Seams repeat vertices; what holds the next frame is the surface.
+        Ok(
+            if decoded.texture_coordinates.is_some() || decoded.materials.is_some() {
+                welded(&mesh)?.into()
+            } else {
+                mesh.into()
+            },
+        )
     }
 
     /// With the points of `surface`, that of its frame, below its vertices.

@@ -50,6 +50,7 @@ impl RawFrame {
                 normals: mesh.normals.map(|a| a.values),
                 colors: mesh.colors.map(|a| a.values),
                 texture_coordinates: mesh.texture_coordinates.map(|a| a.values),
+                materials: mesh.materials.map(|a| a.values),
             },
             repeated_points: points.repeated,
             pointless_vertices: points.left_out,
@@ -115,8 +116,9 @@ impl PreparedFrame {
         let (mut mesh, report) = (repaired.mesh, repaired.report);
         let mut attributes = None;
         if !raw.attributes.is_empty() {
+            let has_materials = raw.attributes.materials.is_some();
             let mut of_corners = CornerAttributes::new(raw.attributes, repaired.corner_origins);
-            if raw.has_image {
+            if raw.has_image || has_materials {
                 let wedges = of_corners.wedges(&mesh);
                 mesh = mesh.with_wedges(wedges);
             } else {
@@ -189,6 +191,7 @@ fn check_counts(attributes: &Attributes, points: usize) -> Result<(), UnusableFr
             "texture coordinates",
             attributes.texture_coordinates.as_ref().map(Vec::len),
         ),
+        ("materials", attributes.materials.as_ref().map(Vec::len)),
     ];
     for (what, found) in counts {
         if let Some(found) = found.filter(|&found| found != points) {

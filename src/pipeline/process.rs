@@ -246,6 +246,7 @@ fn encode(
         normals: attributes.and_then(|a| a.normals.as_deref()),
         colors: attributes.and_then(|a| a.colors.as_deref()),
         texture_coordinates: attributes.and_then(|a| a.texture_coordinates.as_deref()),
+        materials: attributes.and_then(|a| a.materials.as_deref()),
     };
     let bytes = steadymesh_draco::encode(&view, &settings.draco)?;
     let decoded = Output::decode(&bytes)?.mesh;

@@ -8,7 +8,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
-use steadymesh_mesh_io::glb::DracoInfo;
+use steadymesh_mesh_io::glb::DracoPart;
 use steadymesh_mesh_io::{Format, ImageFormat, Limits, drc, glb, ply};
 use steadymesh_proto::FrameMetrics;
 use steadymesh_proto::recording::Track;
@@ -255,18 +255,19 @@ pub(super) async fn convert(app: &App, frame: Frame, format: Format) -> Result<B
 }
 
 fn to_glb(frame: &Frame) -> Option<Vec<u8>> {
-    let info = DracoInfo::read(&frame.mesh, &Limits::NONE).ok()?;
+    let parts = DracoPart::split(&frame.mesh, &Limits::NONE).ok()?;
     let texture = frame.metrics.texture.as_ref();
     let format = texture.and_then(|texture| ImageFormat::from_media_type(&texture.media_type));
     let image = format.zip(frame.image.as_deref());
-    if image.is_none() && info.texture_coordinate_id.is_some() {
+    let mut infos = parts.iter().map(|part| &part.info);
+    if image.is_none() && infos.any(|info| info.texture_coordinate_id.is_some()) {
         // In a Draco file v points up, and without an image glTF has no means to say so.
         return Some(glb::write(
             &drc::read(&frame.mesh, &Limits::NONE).ok()?,
             None,
         ));
     }
-    Some(glb::wrap_draco(&frame.mesh, &info, image))
+    Some(glb::wrap_draco(&parts, image))
 }
 
 fn parse_file(file: &str) -> Option<(Which, Format)> {

@@ -38,6 +38,17 @@ describe("a mesh", () => {
     expect(corners(colors ?? [], 4, indices)).toEqual(corners(rgba, 4, SQUARE.faces));
   });
 
+  test("says which faces have the same material", async () => {
+    const materials = [300, 300, 300, 7, 7, 7];
+    const mesh = decodeMesh(draco, await encodeMesh({ ...SQUARE, materials }));
+    const of = (face: number) =>
+      [0, 1, 2].map((i) => mesh.materials?.[mesh.indices[3 * face + i] ?? 0]);
+    expect([of(0), of(1)].sort()).toEqual([
+      [300, 300, 300],
+      [7, 7, 7],
+    ]);
+  });
+
   test("has the rig's normals, if it sends some", async () => {
     const normals = SQUARE.positions.map((_, i) => (i % 3 === 0 ? 1 : 0));
     const mesh = decodeMesh(draco, await encodeMesh({ ...SQUARE, normals }));
@@ -50,6 +61,7 @@ describe("a mesh", () => {
     const mesh = decodeMesh(draco, await encodeMesh({ positions, faces }));
     expect(mesh.uvs).toBeNull();
     expect(mesh.colors).toBeNull();
+    expect(mesh.materials).toBeNull();
     expect([...mesh.normals.slice(0, 3)]).toEqual([0, 0, 1]);
   });
 

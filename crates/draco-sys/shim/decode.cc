@@ -1,6 +1,7 @@
 // Draco bytes to a mesh, every index checked before it is followed.
 #include <cstring>
 #include <memory>
+#include <string>
 
 #include "budget.h"
 #include "draco/compression/decode.h"
@@ -137,6 +138,16 @@ void ReadFaces(const draco::Mesh &mesh, uint32_t *out, SteadymeshDracoStatus *st
   }
 }
 
+// 5 for the number of a material, which is a generic attribute with a name.
+int32_t SemanticOf(const draco::Mesh &mesh, int32_t index) {
+  const draco::GeometryAttribute::Type type = mesh.attribute(index)->attribute_type();
+  const auto *metadata = mesh.GetAttributeMetadataByAttributeId(index);
+  std::string name;
+  const bool is_material = type == draco::GeometryAttribute::GENERIC && metadata != nullptr &&
+                           metadata->GetEntryString("name", &name) && name == "material";
+  return is_material ? 5 : type;
+}
+
 const draco::PointAttribute *Find(const SteadymeshDracoMesh *mesh, size_t index,
                                   SteadymeshDracoStatus *status) {
   if (index >= static_cast<size_t>(mesh->mesh->num_attributes())) {
@@ -178,7 +189,7 @@ void steadymesh_draco_attribute(const SteadymeshDracoMesh *mesh, size_t index,
                                 SteadymeshDracoStatus *status) noexcept {
   Guard(status, [&] {
     if (const draco::PointAttribute *attribute = Find(mesh, index, status)) {
-      out->semantic = attribute->attribute_type();
+      out->semantic = SemanticOf(*mesh->mesh, static_cast<int32_t>(index));
       out->data_type = attribute->data_type();
       out->component_count = attribute->num_components();
       out->unique_id = attribute->unique_id();

@@ -1,5 +1,8 @@
 // A mesh to Draco bytes.
 #include <memory>
+#include <set>
+#include <string>
+#include <utility>
 
 #include "draco/compression/expert_encode.h"
 #include "shim.h"
@@ -68,7 +71,26 @@ struct Indices {
   int32_t normal;
   int32_t color;
   int32_t texture_coordinate;
+  int32_t material;
 };
+
+// Adds the number of each point's material. Described as by Draco's own reader of OBJ files: its
+// writer refuses a mesh that does not name its materials and their file.
+int32_t AddMaterials(draco::Mesh *mesh, const SteadymeshDracoInput &input) {
+  const int32_t index = AddAttribute(
+      mesh, {draco::GeometryAttribute::GENERIC, draco::DT_UINT16, 1, input.materials});
+  if (index >= 0) {
+    auto metadata = std::make_unique<draco::AttributeMetadata>();
+    metadata->AddEntryString("name", "material");
+    metadata->AddEntryString("file_name", "frame.mtl");
+    const std::set<uint16_t> numbers(input.materials, input.materials + input.point_count);
+    for (const uint16_t number : numbers) {
+      metadata->AddEntryInt("material" + std::to_string(number), number);
+    }
+    mesh->AddAttributeMetadata(index, std::move(metadata));
+  }
+  return index;
+}
 
 Indices FillMesh(const SteadymeshDracoInput &input, draco::Mesh *mesh) {
   mesh->set_num_points(static_cast<uint32_t>(input.point_count));
@@ -85,6 +107,7 @@ Indices FillMesh(const SteadymeshDracoInput &input, draco::Mesh *mesh) {
       AddAttribute(mesh, {Attribute::NORMAL, draco::DT_FLOAT32, 3, input.normals}),
       AddAttribute(mesh, {Attribute::COLOR, draco::DT_UINT8, 4, input.colors}),
       AddAttribute(mesh, {Attribute::TEX_COORD, draco::DT_FLOAT32, 2, input.texture_coordinates}),
+      AddMaterials(mesh, input),
   };
 }
 
@@ -127,7 +150,8 @@ void Encode(const SteadymeshDracoInput &input, SteadymeshDracoEncoded **out,
   }
   *summary = {encoder.num_encoded_points(),     encoder.num_encoded_faces(),
               UniqueId(mesh, indices.position), UniqueId(mesh, indices.normal),
-              UniqueId(mesh, indices.color),    UniqueId(mesh, indices.texture_coordinate)};
+              UniqueId(mesh, indices.color),    UniqueId(mesh, indices.texture_coordinate),
+              UniqueId(mesh, indices.material)};
   *out = encoded.release();
 }
 

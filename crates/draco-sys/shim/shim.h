@@ -30,7 +30,8 @@ struct SteadymeshDracoStatus {
 
 struct SteadymeshDracoAttribute {
   // draco::GeometryAttribute::Type: 0 position, 1 normal, 2 color,
-  // 3 texture coordinate, 4 generic; -1 invalid.
+  // 3 texture coordinate, 4 generic; -1 invalid. 5 is not one of them: a generic
+  // attribute that its metadata names "material".
   int32_t semantic;
   // draco::DataType: 1 i8, 2 u8, 3 i16, 4 u16, 5 i32, 6 u32, 7 i64, 8 u64,
   // 9 f32, 10 f64, 11 bool.
@@ -56,6 +57,7 @@ struct SteadymeshDracoInput {
   const float *normals;              // 3 * point_count
   const uint8_t *colors;             // 4 * point_count
   const float *texture_coordinates;  // 2 * point_count
+  const uint16_t *materials;         // point_count
   int32_t position_bits;
   int32_t normal_bits;
   int32_t texture_coordinate_bits;
@@ -72,6 +74,7 @@ struct SteadymeshDracoSummary {
   int32_t normal_id;
   int32_t color_id;
   int32_t texture_coordinate_id;
+  int32_t material_id;
 };
 
 void steadymesh_draco_decode(const uint8_t *bytes, size_t length, size_t memory_limit,

@@ -37,7 +37,7 @@ pub struct Status {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Attribute {
-    /// 0 position, 1 normal, 2 color, 3 texture coordinate, 4 generic.
+    /// 0 position, 1 normal, 2 color, 3 texture coordinate, 4 generic, 5 material.
     pub semantic: i32,
     /// 1 i8, 2 u8, 3 i16, 4 u16, 5 i32, 6 u32, 7 i64, 8 u64, 9 f32, 10 f64, 11 bool.
     pub data_type: i32,
@@ -71,6 +71,8 @@ pub struct Input {
     pub colors: *const u8,
     /// `2 * point_count` finite numbers, or null.
     pub texture_coordinates: *const f32,
+    /// `point_count` numbers, or null.
+    pub materials: *const u16,
     /// 1 to 30.
     pub position_bits: i32,
     /// 2 to 30.
@@ -99,6 +101,8 @@ pub struct Summary {
     pub color_id: i32,
     /// Unique id of the texture coordinates.
     pub texture_coordinate_id: i32,
+    /// Unique id of the materials.
+    pub material_id: i32,
 }
 
 /// A decoded mesh on the C++ side.

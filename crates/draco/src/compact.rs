@@ -37,6 +37,7 @@ pub(crate) fn compacted(mesh: &MeshView<'_>) -> DecodedMesh {
         texture_coordinates: mesh
             .texture_coordinates
             .map(|values| keep(values, &is_used)),
+        materials: mesh.materials.map(|values| keep(values, &is_used)),
     }
 }
 
@@ -62,6 +63,7 @@ mod tests {
             normals: None,
             colors: Some(&[[9; 4], [1; 4], [2; 4], [9; 4], [4; 4]]),
             texture_coordinates: None,
+            materials: None,
         };
         let compact = compacted(&mesh);
         assert_eq!(

@@ -27,6 +27,8 @@ pub struct AttributeIds {
     pub color: Option<u32>,
     /// The texture coordinates.
     pub texture_coordinate: Option<u32>,
+    /// The numbers of materials.
+    pub material: Option<u32>,
 }
 
 /// Why bytes could not be decoded.
@@ -131,7 +133,7 @@ pub fn decode_and_identify(
         id: None,
     })?;
     let (normal, color) = (usable(Kind::Normal), usable(Kind::Color));
-    let coordinate = usable(Kind::TextureCoordinate);
+    let (coordinate, material) = (usable(Kind::TextureCoordinate), usable(Kind::Material));
     let scale = Scale::ByFlag;
     let decoded = DecodedMesh {
         faces: mesh.faces()?,
@@ -139,12 +141,14 @@ pub fn decode_and_identify(
         normals: mesh.optional_vectors(normal, Kind::Normal, scale)?,
         colors: color.map(|a| mesh.colors(a)).transpose()?,
         texture_coordinates: mesh.optional_vectors(coordinate, Kind::TextureCoordinate, scale)?,
+        materials: material.map(|a| mesh.materials(a)).transpose()?,
     };
     let ids = AttributeIds {
         position: position.info.unique_id,
         normal: normal.map(|a| a.info.unique_id),
         color: color.map(|a| a.info.unique_id),
         texture_coordinate: coordinate.map(|a| a.info.unique_id),
+        material: material.map(|a| a.info.unique_id),
     };
     Ok((decoded, ids))
 }
@@ -179,6 +183,7 @@ pub fn decode_with_ids(
     let normal = find_optional(Kind::Normal, ids.normal)?;
     let color = find_optional(Kind::Color, ids.color)?;
     let coordinate = find_optional(Kind::TextureCoordinate, ids.texture_coordinate)?;
+    let material = find_optional(Kind::Material, ids.material)?;
     let scale = Scale::AsStored;
     Ok(DecodedMesh {
         faces: mesh.faces()?,
@@ -186,6 +191,7 @@ pub fn decode_with_ids(
         normals: mesh.optional_vectors(normal, Kind::Normal, scale)?,
         colors: color.map(|a| mesh.colors(a)).transpose()?,
         texture_coordinates: mesh.optional_vectors(coordinate, Kind::TextureCoordinate, scale)?,
+        materials: material.map(|a| mesh.materials(a)).transpose()?,
     })
 }
 

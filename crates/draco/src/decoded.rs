@@ -17,6 +17,7 @@ pub(crate) enum Kind {
     Normal,
     Color,
     TextureCoordinate,
+    Material,
 }
 
 impl Kind {
@@ -26,6 +27,8 @@ impl Kind {
             Self::Normal => 1,
             Self::Color => 2,
             Self::TextureCoordinate => 3,
+            // Not one of libdraco's: see the shim.
+            Self::Material => 5,
         }
     }
 
@@ -35,6 +38,7 @@ impl Kind {
             Self::Normal => "normals",
             Self::Color => "colors",
             Self::TextureCoordinate => "texture coordinates",
+            Self::Material => "materials",
         }
     }
 
@@ -43,6 +47,7 @@ impl Kind {
             Self::Position | Self::Normal => component_count == 3,
             Self::Color => component_count == 3 || component_count == 4,
             Self::TextureCoordinate => component_count == 2,
+            Self::Material => component_count == 1,
         }
     }
 
@@ -51,6 +56,7 @@ impl Kind {
             Self::Position | Self::Normal => "3",
             Self::Color => "3 or 4",
             Self::TextureCoordinate => "2",
+            Self::Material => "1",
         }
     }
 }
@@ -249,6 +255,12 @@ impl Mesh {
                 [channel(c[0]), channel(c[1]), channel(c[2]), alpha]
             })
             .collect())
+    }
+
+    pub(crate) fn materials(&self, attribute: &Attribute) -> Result<Vec<u16>, DecodeError> {
+        let numbers = self.numbers(attribute, Kind::Material)?;
+        // `as` sends NaN to 0 and clamps the rest.
+        Ok(numbers.into_iter().map(|number| number as u16).collect())
     }
 }
 

@@ -229,6 +229,7 @@ fn encode_checked(
         texture_coordinates: mesh
             .texture_coordinates
             .map_or(ptr::null(), |v| v.as_flattened().as_ptr()),
+        materials: mesh.materials.map_or(ptr::null(), <[u16]>::as_ptr),
         position_bits: bits(options.position_bits),
         normal_bits: bits(options.normal_bits),
         texture_coordinate_bits: bits(options.texture_coordinate_bits),
@@ -279,6 +280,7 @@ fn run(input: &sys::Input) -> Result<Encoded, EncodeError> {
             normal: u32::try_from(summary.normal_id).ok(),
             color: u32::try_from(summary.color_id).ok(),
             texture_coordinate: u32::try_from(summary.texture_coordinate_id).ok(),
+            material: u32::try_from(summary.material_id).ok(),
         },
     })
 }
@@ -333,14 +335,18 @@ fn check_mesh(mesh: &MeshView<'_>) -> Result<(), EncodeError> {
             points,
         )?;
     }
-    if let Some(colors) = mesh.colors
-        && colors.len() != points
-    {
-        return Err(EncodeError::CountMismatch {
-            what: "colors",
-            count: colors.len(),
-            points,
-        });
+    let counts = [
+        ("colors", mesh.colors.map(<[_]>::len)),
+        ("materials", mesh.materials.map(<[_]>::len)),
+    ];
+    for (what, count) in counts {
+        if let Some(count) = count.filter(|count| *count != points) {
+            return Err(EncodeError::CountMismatch {
+                what,
+                count,
+                points,
+            });
+        }
     }
     check_faces(mesh, points)
 }

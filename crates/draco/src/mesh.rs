@@ -16,6 +16,8 @@ pub struct MeshView<'a> {
     pub colors: Option<&'a [[u8; 4]]>,
     /// Texture coordinates, usually 0 to 1.
     pub texture_coordinates: Option<&'a [[f32; 2]]>,
+    /// Numbers of materials; all points of a face have the same.
+    pub materials: Option<&'a [u16]>,
 }
 
 /// A decoded triangle mesh. Every attribute holds one value per position.
@@ -31,6 +33,8 @@ pub struct DecodedMesh {
     pub colors: Option<Vec<[u8; 4]>>,
     /// Texture coordinates, usually 0 to 1.
     pub texture_coordinates: Option<Vec<[f32; 2]>>,
+    /// Numbers of materials.
+    pub materials: Option<Vec<u16>>,
 }
 
 impl MeshView<'_> {
@@ -59,6 +63,7 @@ impl DecodedMesh {
             normals: self.normals.as_deref(),
             colors: self.colors.as_deref(),
             texture_coordinates: self.texture_coordinates.as_deref(),
+            materials: self.materials.as_deref(),
         }
     }
 }

@@ -43,6 +43,7 @@ fn doughnut(n: u32, speed: u8) -> Vec<u8> {
         faces: &faces,
         normals: Some(&positions),
         colors: None,
+        materials: None,
         texture_coordinates: Some(&uv),
     };
     encode(

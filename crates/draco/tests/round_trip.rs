@@ -35,6 +35,7 @@ fn sheet(n: u32) -> DecodedMesh {
         normals: Some(points().map(|_| [0.0, 0.0, 1.0]).collect()),
         colors: Some(points().map(|(x, y)| [x as u8, y as u8, 7, 200]).collect()),
         texture_coordinates: Some(points().map(|(x, y)| [x / size, y / size]).collect()),
+        materials: Some(points().map(|(x, _)| 40_000 + (x as u16) / 4).collect()),
     }
 }
 
@@ -72,6 +73,10 @@ fn every_attribute_comes_back_within_its_quantization_step() {
         );
         assert!((uv[0] - expected[0]).abs() < 1e-3 && (uv[1] - expected[1]).abs() < 1e-3);
         assert!(back.normals.as_ref().unwrap()[i][2] > 0.999);
+        assert_eq!(
+            back.materials.as_ref().unwrap()[i],
+            mesh.materials.as_ref().unwrap()[source]
+        );
     }
 }
 

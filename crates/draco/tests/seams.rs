@@ -57,6 +57,7 @@ fn a_seam_comes_back_closed_at_every_speed() {
         faces: &faces,
         normals: None,
         colors: Some(&colors),
+        materials: None,
         texture_coordinates: Some(&looks),
     };
     for speed in 0..=10 {

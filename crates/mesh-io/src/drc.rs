@@ -41,6 +41,7 @@ fn into_mesh(decoded: DecodedMesh) -> Result<Mesh, ReadError> {
         normals: normals.map(Attribute::per_vertex),
         colors: decoded.colors.map(Attribute::per_vertex),
         texture_coordinates: decoded.texture_coordinates.map(Attribute::per_vertex),
+        materials: decoded.materials.map(Attribute::per_vertex),
         image: None,
     })
 }
@@ -64,6 +65,7 @@ mod tests {
             normals: None,
             colors: None,
             texture_coordinates: Some(&[[0.0; 2], [1.0, 0.0], [0.0, 1.0]]),
+            materials: None,
         };
         encode(&mesh, &EncodeOptions::default()).unwrap()
     }

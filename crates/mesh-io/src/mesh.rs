@@ -15,8 +15,44 @@ pub struct Mesh {
     pub colors: Option<Attribute<[u8; 4]>>,
     /// Texture coordinates, usually 0 to 1, v upwards: (0, 0) is the lower left corner of the image.
     pub texture_coordinates: Option<Attribute<[f32; 2]>>,
+    /// Which material each face has, by number, if they have at least two: the values are numbers, and
+    /// all corners of a face have the same.
+    pub materials: Option<Attribute<u16>>,
     /// The image that lies on it. Writers other than [`glb`](crate::glb)'s leave it out.
     pub image: Option<Image>,
+}
+
+impl Mesh {
+    /// The number of a face's material.
+    #[must_use]
+    pub fn material_of(&self, face: usize) -> Option<u16> {
+        let materials = self.materials.as_ref()?;
+        let [corner, ..] = match &materials.faces {
+            Some(faces) => *faces.get(face)?,
+            None => *self.faces.get(face)?,
+        };
+        materials.values.get(corner as usize).copied()
+    }
+}
+
+/// Numbers materials by their first use, given which each face has; none if all have the same.
+pub(crate) fn materials_of_faces<K: Ord + Copy>(faces: &[K]) -> Option<Attribute<u16>> {
+    if faces.iter().all(|material| *material == faces[0]) {
+        return None;
+    }
+    let mut numbers = std::collections::BTreeMap::new();
+    let of_faces: Vec<[u32; 3]> = faces
+        .iter()
+        .map(|material| {
+            // Beyond what can be counted they are all the last one.
+            let next = numbers.len().min(usize::from(u16::MAX)) as u32;
+            [*numbers.entry(*material).or_insert(next); 3]
+        })
+        .collect();
+    Some(Attribute {
+        values: (0..=u16::MAX).take(numbers.len()).collect(),
+        faces: Some(of_faces),
+    })
 }
 
 /// Values on the vertices or on the corners of a mesh.

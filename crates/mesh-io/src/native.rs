@@ -40,6 +40,7 @@ pub fn read(bytes: &[u8], limits: &Limits) -> Result<Mesh, ReadError> {
         normals: normals.map(Attribute::per_vertex),
         colors: frame.colors.map(Attribute::per_vertex),
         texture_coordinates: frame.texture_coordinates.map(Attribute::per_vertex),
+        materials: None,
         image: None,
     })
 }

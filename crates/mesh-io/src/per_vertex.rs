@@ -3,8 +3,8 @@
 use crate::{Attribute, Mesh};
 use std::borrow::Cow;
 
-/// Position, normal, color and texture coordinate of a corner; 0 where absent.
-type Key = [u32; 4];
+/// Position, normal, color, texture coordinate and material of a corner; 0 where absent.
+type Key = [u32; 5];
 
 /// A mesh with one value per position in every attribute.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,7 @@ impl Mesh {
         let normals = usable(self.normals.as_ref(), self);
         let colors = usable(self.colors.as_ref(), self);
         let coordinates = usable(self.texture_coordinates.as_ref(), self);
+        let materials = usable(self.materials.as_ref(), self);
         let mut points = Points::new(self.positions.len());
         let corner_points: Vec<[u32; 3]> = (0..self.faces.len())
             .map(|face| {
@@ -41,6 +42,7 @@ impl Mesh {
                         index_at(normals, self, face, corner),
                         index_at(colors, self, face, corner),
                         index_at(coordinates, self, face, corner),
+                        index_at(materials, self, face, corner),
                     ])
                 })
             })
@@ -59,6 +61,7 @@ impl Mesh {
             normals: normals.map(|a| gather(a, &keys, 1)),
             colors: colors.map(|a| gather(a, &keys, 2)),
             texture_coordinates: coordinates.map(|a| gather(a, &keys, 3)),
+            materials: materials.map(|a| gather(a, &keys, 4)),
             image: self.image.clone(),
         })
     }
@@ -95,6 +98,7 @@ impl Mesh {
         own(self.normals.as_ref())
             || own(self.colors.as_ref())
             || own(self.texture_coordinates.as_ref())
+            || own(self.materials.as_ref())
     }
 }
 

@@ -457,11 +457,12 @@ fn a_wrapped_draco_file_reads_back() {
         faces: &mesh.faces,
         normals: mesh.normals.as_ref().map(|a| &a.values[..]),
         colors: mesh.colors.as_ref().map(|a| &a.values[..]),
+        materials: None,
         texture_coordinates: mesh.texture_coordinates.as_ref().map(|a| &a.values[..]),
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
-    let back = read(&glb::wrap_draco(&encoded.bytes, &info, None)).unwrap();
+    let parts = glb::DracoPart::split(&encoded.bytes, &LIMITS).unwrap();
+    let back = read(&glb::wrap_draco(&parts, None)).unwrap();
     assert_eq!((back.positions.len(), back.faces.len()), (4, 4));
     let corner = back.positions.iter().position(|p| p[0] > 0.9).unwrap();
     assert_eq!(back.colors.unwrap().values[corner], [0, 255, 0, 255]);
@@ -478,14 +479,13 @@ fn a_draco_primitive_that_names_a_missing_attribute_is_refused() {
         faces: &[[0, 1, 2]],
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: None,
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo {
-        position_id: 9,
-        ..glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap()
-    };
-    let error = message(&glb::wrap_draco(&encoded.bytes, &info, None));
+    let mut parts = glb::DracoPart::split(&encoded.bytes, &LIMITS).unwrap();
+    parts[0].info.position_id = 9;
+    let error = message(&glb::wrap_draco(&parts, None));
     assert_eq!(
         error,
         "the Draco mesh has no positions with the unique id 9"

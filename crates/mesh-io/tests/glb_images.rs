@@ -49,11 +49,12 @@ fn a_wrapped_draco_file_with_an_image_reads_back_upright() {
         faces: &mesh.faces,
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: mesh.texture_coordinates.as_ref().map(|a| &a.values[..]),
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
-    let file = glb::wrap_draco(&encoded.bytes, &info, Some((ImageFormat::Png, PNG)));
+    let parts = glb::DracoPart::split(&encoded.bytes, &LIMITS).unwrap();
+    let file = glb::wrap_draco(&parts, Some((ImageFormat::Png, PNG)));
     let back = read(&file).unwrap();
     assert_eq!(image_of(&back, &file), PNG);
     let corner = back.positions.iter().position(|p| p[2] > 0.9).unwrap();

@@ -111,10 +111,11 @@ fn valid_files() -> Vec<Vec<u8>> {
         faces: &mesh.faces,
         normals: None,
         colors: None,
+        materials: None,
         texture_coordinates: Some(&[[0.0; 2], [1.0, 0.0], [0.0, 1.0], [0.25, 0.75]]),
     };
     let encoded = encode_with_info(&view, &EncodeOptions::default()).unwrap();
-    let info = glb::DracoInfo::read(&encoded.bytes, &LIMITS).unwrap();
+    let parts = glb::DracoPart::split(&encoded.bytes, &LIMITS).unwrap();
     let ascii = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
                  property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
                  end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
@@ -126,8 +127,8 @@ fn valid_files() -> Vec<Vec<u8>> {
         ascii.replace('\n', "\r").into_bytes(),
         glb::write(&mesh, None),
         gltf().into_bytes(),
-        glb::wrap_draco(&encoded.bytes, &info, None),
-        glb::wrap_draco(&encoded.bytes, &info, Some((ImageFormat::Png, PNG))),
+        glb::wrap_draco(&parts, None),
+        glb::wrap_draco(&parts, Some((ImageFormat::Png, PNG))),
         glb::write(&mesh, Some((ImageFormat::Webp, PNG))),
         steadymesh_proto::Bundle {
             seq: Some(1),

@@ -15,6 +15,8 @@ export interface DecodedMesh {
   colors: Uint8Array<ArrayBuffer> | null;
   /** u, v from the lower left corner of the image; `null` if the rig sends none. */
   uvs: Float32Array<ArrayBuffer> | null;
+  /** The number of each point's material, which all points of a face share; `null` if there is one. */
+  materials: Uint16Array<ArrayBuffer> | null;
   /** Three points a face, counterclockwise seen from outside. */
   indices: Uint32Array<ArrayBuffer>;
 }
@@ -46,6 +48,7 @@ interface DracoAttribute extends Handle {
 interface DracoDecoder extends Handle {
   DecodeArrayToMesh(bytes: Uint8Array, length: number, mesh: DracoMesh): DracoStatus;
   GetAttributeId(mesh: DracoMesh, type: number): number;
+  GetAttributeIdByMetadataEntry(mesh: DracoMesh, name: string, value: string): number;
   GetAttribute(mesh: DracoMesh, id: number): DracoAttribute;
   GetTrianglesUInt32Array(mesh: DracoMesh, bytes: number, pointer: number): boolean;
   GetAttributeDataArrayForAllPoints(
@@ -67,6 +70,7 @@ export interface DracoModule {
   TEX_COORD: number;
   DT_FLOAT32: number;
   DT_UINT8: number;
+  DT_UINT16: number;
   _malloc(bytes: number): number;
   _free(pointer: number): void;
   destroy(handle: Handle): void;
@@ -100,8 +104,7 @@ export function decodeMesh(draco: DracoModule, bytes: Uint8Array): DecodedMesh {
 
 function read(draco: DracoModule, decoder: DracoDecoder, mesh: DracoMesh): DecodedMesh {
   const points = mesh.num_points();
-  const attribute = (type: number, components: number, valueType: number, size: number) => {
-    const id = decoder.GetAttributeId(mesh, type);
+  const values = (id: number, components: number, valueType: number, size: number) => {
     if (id < 0) return null;
     const found = decoder.GetAttribute(mesh, id);
     if (found.num_components() !== components) return null;
@@ -109,6 +112,8 @@ function read(draco: DracoModule, decoder: DracoDecoder, mesh: DracoMesh): Decod
       decoder.GetAttributeDataArrayForAllPoints(mesh, found, valueType, length, pointer),
     );
   };
+  const attribute = (type: number, components: number, valueType: number, size: number) =>
+    values(decoder.GetAttributeId(mesh, type), components, valueType, size);
   const floats = (type: number, components: number) => {
     const buffer = attribute(type, components, draco.DT_FLOAT32, 4);
     return buffer === null ? null : new Float32Array(buffer);
@@ -122,11 +127,14 @@ function read(draco: DracoModule, decoder: DracoDecoder, mesh: DracoMesh): Decod
   );
   const rgba = attribute(draco.COLOR, 4, draco.DT_UINT8, 1);
   const rgb = rgba === null ? attribute(draco.COLOR, 3, draco.DT_UINT8, 1) : null;
+  const material = decoder.GetAttributeIdByMetadataEntry(mesh, "name", "material");
+  const materials = values(material, 1, draco.DT_UINT16, 2);
   return {
     positions,
     normals: floats(draco.NORMAL, 3) ?? vertexNormals(positions, indices),
     colors: rgba !== null ? new Uint8Array(rgba) : rgb !== null ? withAlpha(rgb) : null,
     uvs: floats(draco.TEX_COORD, 2),
+    materials: materials === null ? null : new Uint16Array(materials),
     indices,
   };
 }

@@ -22,6 +22,18 @@ declare module "draco3d/draco_encoder_nodejs.js" {
       size: number,
       values: number[],
     ): void;
+    AddUInt16Attribute(
+      mesh: object,
+      type: number,
+      points: number,
+      size: number,
+      values: number[],
+    ): number;
+    SetMetadataForAttribute(mesh: object, id: number, metadata: object): void;
+  }
+
+  interface MetadataBuilder {
+    AddStringEntry(metadata: object, name: string, value: string): void;
   }
 
   interface Int8Output {
@@ -31,12 +43,15 @@ declare module "draco3d/draco_encoder_nodejs.js" {
   const createEncoder: (options: object) => Promise<{
     Encoder: new () => Encoder;
     MeshBuilder: new () => MeshBuilder;
+    Metadata: new () => object;
+    MetadataBuilder: new () => MetadataBuilder;
     Mesh: new () => object;
     DracoInt8Array: new () => Int8Output;
     POSITION: number;
     NORMAL: number;
     COLOR: number;
     TEX_COORD: number;
+    GENERIC: number;
   }>;
   export default createEncoder;
 }

@@ -39,6 +39,7 @@ export interface MeshValues {
   uvs?: number[];
   normals?: number[];
   colors?: number[];
+  materials?: number[];
 }
 
 /** The mesh in Draco's bytes, by Draco's own encoder. */
@@ -58,6 +59,12 @@ export async function encodeMesh(values: MeshValues): Promise<Uint8Array> {
   if (values.colors !== undefined) {
     const size = values.colors.length / points;
     builder.AddUInt8Attribute(mesh, draco.COLOR, points, size, values.colors);
+  }
+  if (values.materials !== undefined) {
+    const id = builder.AddUInt16Attribute(mesh, draco.GENERIC, points, 1, values.materials);
+    const metadata = new draco.Metadata();
+    new draco.MetadataBuilder().AddStringEntry(metadata, "name", "material");
+    builder.SetMetadataForAttribute(mesh, id, metadata);
   }
   encoder.SetAttributeQuantization(draco.POSITION, 16);
   const output = new draco.DracoInt8Array();

@@ -20,7 +20,7 @@ mod write;
 
 pub(crate) use json_text::has_top_level_key;
 pub use read::read;
-pub use wrap_draco::{DracoInfo, wrap_draco};
+pub use wrap_draco::{DracoInfo, DracoPart, wrap_draco};
 pub use write::write;
 
 use crate::ReadError;

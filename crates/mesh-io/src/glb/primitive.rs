@@ -199,6 +199,8 @@ pub(super) fn decompress(
         normal: id(NORMAL),
         color: id(COLOR),
         texture_coordinate: id(COORDINATE),
+        // A primitive has one.
+        material: None,
     };
     let decoded = decode_with_ids(bytes, &ids, &drc::decode_limits(room.limits))?;
     room.vertices(decoded.positions.len())?;

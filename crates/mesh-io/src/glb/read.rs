@@ -6,6 +6,7 @@ use super::document::{self, MeshEntry, TextureInfo, entry};
 use super::primitive::{self, Mode, Room, Vertices};
 use super::transform::Transform;
 use super::{container, malformed, scene, texture};
+use crate::mesh::materials_of_faces;
 use crate::{Attribute, Limits, Mesh, ReadError, check};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Meshes are put where their nodes place them (mirrored ones with their winding
 /// turned) and appended in the order of the hierarchy; primitives of one mesh that
 /// share their attributes share vertices. `NORMAL`, `COLOR_0` and `TEXCOORD_0` are
-/// kept if every primitive has them. The image is that of the materials' base color, if it is in the
+/// kept if every primitive has them, and so is which of them have the same material. The image is that of the materials' base color, if it is in the
 /// file and all primitives that have one have the same. Points, lines, skins, morph targets, the rest
 /// of the materials, and cameras are ignored.
 ///
@@ -88,6 +89,8 @@ struct Builder<'a> {
     normals: Option<Vec<[f32; 3]>>,
     colors: Option<Vec<[u8; 4]>>,
     coordinates: Option<Vec<[f32; 2]>>,
+    /// By face.
+    materials: Vec<Option<usize>>,
     /// Those of the primitives so far.
     images: BTreeSet<usize>,
 }
@@ -102,6 +105,7 @@ impl<'a> Builder<'a> {
             normals: Some(Vec::new()),
             colors: Some(Vec::new()),
             coordinates: Some(Vec::new()),
+            materials: Vec::new(),
             images: BTreeSet::new(),
         }
     }
@@ -129,6 +133,7 @@ impl<'a> Builder<'a> {
                 let (first, _) = self.add_vertices(vertices, world_from_local, info);
                 self.work.faces += faces.len();
                 self.add_faces(&faces, first, world_from_local);
+                self.materials.resize(self.faces.len(), primitive.material);
                 continue;
             }
             let [a, b, c, d] = primitive::vertex_key(primitive);
@@ -147,6 +152,7 @@ impl<'a> Builder<'a> {
                 primitive::faces(source, primitive, (mode, count), self.room())?;
             self.work.faces += face_count;
             self.add_faces(&faces, first, world_from_local);
+            self.materials.resize(self.faces.len(), primitive.material);
         }
         Ok(())
     }
@@ -215,6 +221,7 @@ impl<'a> Builder<'a> {
             normals: self.normals.map(Attribute::per_vertex),
             colors: self.colors.map(Attribute::per_vertex),
             texture_coordinates: self.coordinates.map(Attribute::per_vertex),
+            materials: materials_of_faces(&self.materials),
             image: None,
         })
     }

@@ -91,7 +91,26 @@ pub(super) fn place(coordinates: &mut [[f32; 2]], info: Option<&TextureInfo>) {
     }
 }
 
-/// Puts an image, which is in buffer view `view`, on the only primitive of `document`.
+/// Gives each of several primitives a material of its own, like that of the first if it has one.
+pub(super) fn tell_apart(document: &mut Value) {
+    let primitives = document["meshes"][0]["primitives"].as_array_mut();
+    let Some(primitives) = primitives.filter(|primitives| 1 < primitives.len()) else {
+        return;
+    };
+    let count = primitives.len();
+    for (number, primitive) in primitives.iter_mut().enumerate() {
+        primitive["material"] = number.into();
+    }
+    let look = document["materials"].get(0).cloned();
+    let material = |number: usize| {
+        let mut material = look.clone().unwrap_or_else(|| json!({}));
+        material["name"] = format!("material{number}").into();
+        material
+    };
+    document["materials"] = (0..count).map(material).collect();
+}
+
+/// Puts an image, which is in buffer view `view`, on the first primitive of `document`.
 /// `turns_over`: its texture coordinates have v upwards.
 pub(super) fn put_on(document: &mut Value, format: ImageFormat, view: usize, turns_over: bool) {
     let mut used = vec!["KHR_materials_unlit"];

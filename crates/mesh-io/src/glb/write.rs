@@ -3,6 +3,7 @@
 use super::{container, texture};
 use crate::{ImageFormat, Mesh};
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 
 const U8: u32 = 5121;
 const U16: u32 = 5123;
@@ -14,7 +15,7 @@ const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 /// Writes a GLB file with one mesh: 32-bit float positions, and indices of 16 bits
 /// where they fit, else 32.
 ///
-/// An image is put on it if the mesh has texture coordinates; its bytes are passed beside it, since
+/// Faces of each material are a primitive. An image is put on it if the mesh has texture coordinates; its bytes are passed beside it, since
 /// the mesh may only say where they are.
 ///
 /// An attribute with corner indices of its own repeats positions; see
@@ -72,7 +73,20 @@ pub fn write(mesh: &Mesh, image: Option<(ImageFormat, &[u8])>) -> Vec<u8> {
         );
     }
     let has_coordinates = writer.attributes.contains_key("TEXCOORD_0");
-    writer.finish(&mesh.faces, count, image.filter(|_| has_coordinates))
+    let faces = faces_by_material(&mesh);
+    writer.finish(&faces, count, image.filter(|_| has_coordinates))
+}
+
+/// The faces of each material; all of them if there are no materials.
+fn faces_by_material(mesh: &Mesh) -> Vec<Vec<[u32; 3]>> {
+    let mut groups: BTreeMap<Option<u16>, Vec<[u32; 3]>> = BTreeMap::new();
+    for (index, face) in mesh.faces.iter().enumerate() {
+        groups
+            .entry(mesh.material_of(index))
+            .or_default()
+            .push(*face);
+    }
+    groups.into_values().collect()
 }
 
 /// Smallest and largest coordinates; zero for no positions.
@@ -121,39 +135,45 @@ impl Writer {
         self.views.len() - 1
     }
 
-    fn finish(
-        mut self,
-        faces: &[[u32; 3]],
-        vertex_count: usize,
-        image: Option<(ImageFormat, &[u8])>,
-    ) -> Vec<u8> {
+    /// Adds an accessor of indices below the vertex count.
+    fn indices(&mut self, faces: &[[u32; 3]], vertex_count: usize) -> usize {
         // 65535 is reserved for restarting strips.
         let is_short = vertex_count < usize::from(u16::MAX);
-        let indices = faces.as_flattened();
+        let indices = faces.as_flattened().iter();
         let bytes: Vec<u8> = if is_short {
             // Lossless: every index is below the vertex count.
             indices
-                .iter()
                 .flat_map(|&index| (index as u16).to_le_bytes())
                 .collect()
         } else {
-            indices
-                .iter()
-                .flat_map(|index| index.to_le_bytes())
-                .collect()
+            indices.flat_map(|index| index.to_le_bytes()).collect()
         };
         let component = if is_short { U16 } else { U32 };
         let accessor = json!({
-            "componentType": component, "count": indices.len(), "type": "SCALAR",
+            "componentType": component, "count": 3 * faces.len(), "type": "SCALAR",
         });
-        let indices = self.accessor(&bytes, accessor, ELEMENT_ARRAY_BUFFER);
+        self.accessor(&bytes, accessor, ELEMENT_ARRAY_BUFFER)
+    }
+
+    fn finish(
+        mut self,
+        groups: &[Vec<[u32; 3]>],
+        vertex_count: usize,
+        image: Option<(ImageFormat, &[u8])>,
+    ) -> Vec<u8> {
+        let attributes = Value::Object(std::mem::take(&mut self.attributes));
+        let mut primitives = Vec::new();
+        for faces in groups {
+            let indices = self.indices(faces, vertex_count);
+            primitives.push(json!({ "attributes": attributes, "indices": indices }));
+        }
         let view = image.map(|(format, bytes)| (format, self.view(bytes)));
         let mut document = json!({
             "asset": { "version": "2.0", "generator": "steadymesh" },
             "scene": 0,
             "scenes": [{ "nodes": [0] }],
             "nodes": [{ "mesh": 0 }],
-            "meshes": [{ "primitives": [{ "attributes": self.attributes, "indices": indices }] }],
+            "meshes": [{ "primitives": primitives }],
             "accessors": self.accessors,
             "bufferViews": self.views,
             "buffers": [{ "byteLength": self.bin.len() }],
@@ -161,6 +181,7 @@ impl Writer {
         if let Some((format, view)) = view {
             texture::put_on(&mut document, format, view, false);
         }
+        texture::tell_apart(&mut document);
         container::join(document.to_string().as_bytes(), &self.bin)
     }
 }

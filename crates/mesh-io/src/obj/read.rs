@@ -3,8 +3,10 @@
 use super::colors::Colors;
 use super::face::{Corner, Indices, parse_corner};
 use crate::cursor::{Lines, Tokens, number, shown};
+use crate::mesh::materials_of_faces;
 use crate::{Attribute, Limits, Mesh, ReadError, check};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use steadymesh_proto::wording::counted;
 
 /// Reads an OBJ file.
@@ -12,7 +14,8 @@ use steadymesh_proto::wording::counted;
 /// Polygons become fans of triangles around their first corner. Texture coordinates
 /// and normals are kept if every corner has them; vertex colors (three or four more
 /// numbers on a `v` record, 0 to 1 or 0 to 255) if every vertex has them. A vertex
-/// may be used before it is defined.
+/// may be used before it is defined. Faces under different `usemtl` names have different materials,
+/// numbered by their first use.
 ///
 /// # Errors
 ///
@@ -67,6 +70,11 @@ struct Reader<'a> {
     face_count: usize,
     /// The corners of the current face.
     polygon: Vec<Corner>,
+    /// Numbers of the materials' names, and that of the current one: 0 before the first.
+    materials: BTreeMap<Vec<u8>, u32>,
+    material: u32,
+    /// By face.
+    face_materials: Vec<u32>,
 }
 
 impl<'a> Reader<'a> {
@@ -81,6 +89,9 @@ impl<'a> Reader<'a> {
             vertex_count: 0,
             face_count: 0,
             polygon: Vec::new(),
+            materials: BTreeMap::new(),
+            material: 0,
+            face_materials: Vec::new(),
         }
     }
 
@@ -96,6 +107,10 @@ impl<'a> Reader<'a> {
             Some(b"vn") => self.normal(line, tokens),
             // `fo` is what the specification calls outdated and readers still accept.
             Some(b"f" | b"fo") => self.face(line, tokens),
+            Some(b"usemtl") => {
+                self.use_material(tokens);
+                Ok(())
+            }
             _ => Ok(()),
         }
     }
@@ -160,8 +175,15 @@ impl<'a> Reader<'a> {
         self.face_count += self.polygon.len() - 2;
         if self.face_count <= self.limits.max_faces {
             self.faces.push_fan(&self.polygon);
+            self.face_materials.resize(self.face_count, self.material);
         }
         Ok(())
+    }
+
+    fn use_material(&mut self, tokens: Tokens<'_>) {
+        let name: Vec<&[u8]> = tokens.collect();
+        let next = self.materials.len() as u32 + 1;
+        self.material = *self.materials.entry(name.join(&b' ')).or_insert(next);
     }
 
     fn finish(mut self, text: &[u8]) -> Result<Mesh, ReadError> {
@@ -187,6 +209,7 @@ impl<'a> Reader<'a> {
             normals: attribute(self.normals, normal_faces),
             colors: self.colors.finish().map(Attribute::per_vertex),
             texture_coordinates: attribute(self.coordinates, coordinate_faces),
+            materials: materials_of_faces(&self.face_materials),
             image: None,
         })
     }

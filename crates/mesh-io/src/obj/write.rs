@@ -7,7 +7,8 @@ use std::fmt::Write;
 ///
 /// Numbers are the shortest decimals that read back as the same values. Colors
 /// become three fractions after each position; alpha is left out, for OBJ has no
-/// place for it.
+/// place for it. Faces of one material come together, under the names `material0`, `material1` and
+/// so on.
 #[must_use]
 pub fn write(mesh: &Mesh) -> Vec<u8> {
     let has_own_color_faces = mesh.colors.as_ref().is_some_and(|c| c.faces.is_some());
@@ -38,7 +39,13 @@ fn write_all(text: &mut String, mesh: &Mesh) -> std::fmt::Result {
     for [x, y, z] in mesh.normals.iter().flat_map(|a| &a.values) {
         writeln!(text, "vn {x} {y} {z}")?;
     }
-    for (index, face) in mesh.faces.iter().enumerate() {
+    let mut material = None;
+    for index in by_material(mesh) {
+        let (face, own) = (mesh.faces[index], mesh.material_of(index));
+        if let Some(number) = own.filter(|_| own != material) {
+            writeln!(text, "usemtl material{number}")?;
+        }
+        material = own;
         let coordinates = corners(mesh.texture_coordinates.as_ref(), mesh, index);
         let normals = corners(mesh.normals.as_ref(), mesh, index);
         text.push('f');
@@ -54,6 +61,15 @@ fn write_all(text: &mut String, mesh: &Mesh) -> std::fmt::Result {
         text.push('\n');
     }
     Ok(())
+}
+
+/// The faces, those of each material together.
+fn by_material(mesh: &Mesh) -> Vec<usize> {
+    let mut faces: Vec<usize> = (0..mesh.faces.len()).collect();
+    if mesh.materials.is_some() {
+        faces.sort_by_key(|&face| mesh.material_of(face));
+    }
+    faces
 }
 
 fn one(index: u32) -> u64 {

@@ -74,6 +74,7 @@ impl Vertices {
                 .is_some()
                 .then(|| Attribute::per_vertex(self.coordinates)),
             positions: self.positions,
+            materials: None,
             image: None,
         }
     }

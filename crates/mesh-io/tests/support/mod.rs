@@ -33,6 +33,7 @@ pub fn tetrahedron() -> Mesh {
             [0, 0, 255, 255],
             [9, 8, 7, 255],
         ])),
+        materials: None,
         texture_coordinates: Some(Attribute::per_vertex(vec![
             [0.0, 0.0],
             [1.0, 0.0],
