@@ -33,6 +33,7 @@ lint:
 	scripts/install-dependencies build
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
+	CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-$(CURDIR)/target}/fuzz cargo check --manifest-path fuzz/Cargo.toml
 	npm --prefix web ci
 	npm --prefix web run check
 	npm --prefix clients/js ci

@@ -3,7 +3,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use steadymesh::pipeline::{PreparedFrame, Previous, RawFrame, Settings, TargetSize, process};
+use steadymesh::pipeline::{
+    AttributeWeight, PreparedFrame, Previous, RawFrame, Settings, TargetSize, process,
+};
 use steadymesh_mesh_io::{Limits, read, sniff};
 
 const LIMITS: Limits = Limits {
@@ -17,22 +19,20 @@ fuzz_target!(|bytes: &[u8]| {
     let Ok(mesh) = read(bytes, format, &LIMITS) else {
         return;
     };
-    let raw = RawFrame {
-        positions: mesh.positions,
-        faces: mesh.faces,
-        byte_count: bytes.len(),
-    };
+    let raw = RawFrame::from_mesh(mesh, bytes.len());
     let Ok(frame) = PreparedFrame::new(raw, &mut ()) else {
         return;
     };
     let settings = Settings {
         target: TargetSize::Ratio(0.3),
+        attribute_weight: AttributeWeight::new(0.01).unwrap(),
         ..Settings::default()
     };
     // A frame that has passed the edge comes out, whatever its shape.
     let first = process(&frame, None, &settings, &mut ()).unwrap();
     assert!(
         first
+            .output
             .mesh
             .positions()
             .iter()
@@ -40,8 +40,8 @@ fuzz_target!(|bytes: &[u8]| {
     );
     let previous = Previous {
         frame: &frame,
-        output: Some(&first.mesh),
+        output: Some(&first.output),
     };
     let second = process(&frame, Some(previous), &settings, &mut ()).unwrap();
-    assert!(second.mesh.face_count() <= frame.mesh().face_count());
+    assert!(second.output.mesh.face_count() <= frame.mesh().face_count());
 });
